@@ -1,10 +1,9 @@
 //! How the tree grows beside Embree's: time to build, memory, and rays, for more and more
 //! triangles, and the memory of each kind of primitive.
 
-use std::sync::Arc;
 use std::time::Instant;
 
-use anyhit::internals::accel::{Blas, GeometryFlags};
+use anyhit::internals::accel::GeometryFlags;
 
 use crate::clock;
 use crate::installed::{Installed, Printed};
@@ -55,7 +54,8 @@ pub fn run(installed: &Installed, most: u32) -> Result<(), String> {
         write_scene(&installed.share.join("scenes/growth"), scene);
         let printed = installed.embree(&["/share/scenes/growth", "0", "1"])?;
         let each = |bytes: f64| bytes / f64::from(*count);
-        let (here, there) = (each(bytes_of(scene, *count)), each(number(&printed, "bytes")?));
+        let (here, there) =
+            (each(scene.built(GeometryFlags::OPAQUE).memory_size() as f64), each(number(&printed, "bytes")?));
         println!("| {name} | {here:.0} | {there:.0} | {:.2} |", here / there);
     }
     Ok(())
@@ -90,7 +90,11 @@ fn here(scene: &Scene, count: u32) -> Figures {
     builds.sort_by(|a, b| a[1].total_cmp(&b[1]));
     let tlas = scene.tlas(GeometryFlags::OPAQUE);
     let rates = traverse::both_rates(&Table::new(true, None), &tlas, scene, PICTURE);
-    Figures { build: builds[builds.len() / 2], bytes: bytes_of(scene, count), rates }
+    Figures {
+        build: builds[builds.len() / 2],
+        bytes: scene.built(GeometryFlags::OPAQUE).memory_size() as f64,
+        rates,
+    }
 }
 
 fn there(installed: &Installed, scene: &Scene, threads: usize) -> Result<Figures, String> {
@@ -107,24 +111,4 @@ fn there(installed: &Installed, scene: &Scene, threads: usize) -> Result<Figures
 
 fn number(printed: &Printed, name: &str) -> Result<f64, String> {
     printed.get(name).copied().ok_or_else(|| format!("no `{name}` in {printed:?}"))
-}
-
-/// The memory of a scene's geometry with its tree: what the process grows by, with as many copies
-/// as make that plain.
-fn bytes_of(scene: &Scene, count: u32) -> f64 {
-    let copies = (2_000_000 / count).clamp(1, 200);
-    // Leaves the allocator with what building frees.
-    drop(scene.built(GeometryFlags::OPAQUE));
-    let before = resident_bytes();
-    let all: Vec<Arc<Blas>> = (0..copies).map(|_| scene.built(GeometryFlags::OPAQUE)).collect();
-    let grown = resident_bytes() - before;
-    grown / all.len() as f64
-}
-
-/// How much memory of this process is resident; not a number where the system does not tell.
-fn resident_bytes() -> f64 {
-    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
-    let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));
-    let kibibytes = line.and_then(|line| line.split_whitespace().next()?.parse::<f64>().ok());
-    kibibytes.map_or(f64::NAN, |kibibytes| 1024.0 * kibibytes)
 }

@@ -126,6 +126,12 @@ impl Blas {
         self.built.get().is_some() || for_few.list.is_some() || for_few.partial.is_some()
     }
 
+    /// The bytes of its geometries' arrays, and of what is built of them.
+    pub fn memory_size(&self) -> usize {
+        let given: usize = self.geometries.iter().map(|geometry| geometry.data.memory_size()).sum();
+        given + self.built.get().map_or(0, BuiltBlas::memory_size)
+    }
+
     /// Whether its whole BVH is built. Few primitives have none, and neither have many that only a
     /// few rays reached.
     pub fn has_bvh(&self) -> bool {

@@ -7,6 +7,7 @@ use bytemuck::{NoUninit, Pod, Zeroable};
 
 use crate::accel::flags::GeometryFlags;
 use crate::accel::geometry::interpolate_triangle;
+use crate::accel::geometry_data::bytes_of;
 use crate::accel::node::NodeRef;
 use crate::accel::wide_bvh::WideBvh;
 use crate::geometry::block::{self, CullRay, LANES, ShearedRay};
@@ -110,6 +111,18 @@ impl BuiltBlas {
     /// The box around all active primitives, in object space.
     pub(super) fn bounds(&self) -> &Bounds {
         &self.bounds
+    }
+
+    /// The bytes that it takes.
+    pub(super) fn memory_size(&self) -> usize {
+        let blocks = match &self.blocks {
+            PrimitiveBlocks::Triangles(blocks) => bytes_of(blocks),
+            PrimitiveBlocks::Aabbs(blocks) => bytes_of(blocks),
+            PrimitiveBlocks::Spheres(blocks) => bytes_of(blocks),
+            PrimitiveBlocks::LinearSweptSpheres(blocks, caps) => bytes_of(blocks) + bytes_of(caps),
+            PrimitiveBlocks::MovingTriangles(keys) => bytes_of(keys),
+        };
+        blocks + bytes_of(&self.geom_prims) + self.bvh.as_ref().map_or(0, WideBvh::memory_size)
     }
 
     /// The primitives in blocks of four.

@@ -40,6 +40,11 @@ pub enum GeometryData {
     },
 }
 
+/// The bytes that a list takes, spare room included.
+pub(super) fn bytes_of<T>(list: &Vec<T>) -> usize {
+    list.capacity() * size_of::<T>()
+}
+
 impl GeometryData {
     /// Which kind of primitive it holds (`VkGeometryTypeKHR`).
     #[doc(hidden)]
@@ -49,6 +54,19 @@ impl GeometryData {
             Self::Aabbs(_) => GeometryKind::Aabbs,
             Self::Spheres { .. } => GeometryKind::Spheres,
             Self::LinearSweptSpheres { .. } => GeometryKind::LinearSweptSpheres,
+        }
+    }
+
+    /// The bytes of its arrays.
+    pub(super) fn memory_size(&self) -> usize {
+        let index_bytes = |indices: &Option<Vec<u32>>| indices.as_ref().map_or(0, bytes_of);
+        match self {
+            Self::Triangles { vertices, indices, .. } => bytes_of(vertices) + index_bytes(indices),
+            Self::Aabbs(boxes) => bytes_of(boxes),
+            Self::Spheres { positions, radii, indices }
+            | Self::LinearSweptSpheres { positions, radii, indices, .. } => {
+                bytes_of(positions) + bytes_of(radii) + index_bytes(indices)
+            }
         }
     }
 

@@ -13,6 +13,7 @@ use std::sync::Mutex;
 use smallvec::SmallVec;
 
 use crate::accel::binned_sah::{BinnedSahBuilder, BuildRecord, INFINITY_PROXY, PrimRef, SahCost};
+use crate::accel::geometry_data::bytes_of;
 use crate::accel::node::{Node, NodeRef, WIDTH};
 use crate::accel::trav_ray::{round_down, round_up};
 use crate::geometry::Bounds;
@@ -108,6 +109,11 @@ impl WideBvh {
     /// The root: a node, or a leaf if the tree has only one.
     pub(super) fn root(&self) -> NodeRef {
         self.root
+    }
+
+    /// The bytes that it takes.
+    pub(super) fn memory_size(&self) -> usize {
+        bytes_of(&self.nodes) + bytes_of(&self.leaves)
     }
 
     /// The number of nodes on the longest path from the root to a leaf.

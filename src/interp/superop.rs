@@ -35,7 +35,13 @@ where
     LaneKernel: Width<W>,
 {
     let Range { start: mut first, end } = supercode.range(&range);
-    let running = (!mask.is_all()).then(|| mask.words());
+    let cpu_tier = registers.cpu_tier();
+    let running = (!mask.is_all()).then(|| {
+        cpu_tier.run_loop(
+            #[inline(always)]
+            || mask.words(),
+        )
+    });
     loop {
         first += run_until_exit(registers, &supercode.superops[first..end], running.as_ref());
         let Some(&op) = supercode.op_of[..end].get(first) else { return range.end };

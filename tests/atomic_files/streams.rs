@@ -82,14 +82,14 @@ fn devices_and_pipes_are_written_directly() {
 #[cfg(feature = "wgsl")]
 #[test]
 fn a_signal_that_ends_a_rendering_leaves_no_temporary_file() {
-    // Written while it is rendered: 2048 * 42000 * 16 bytes are more than 64 MiB, and take
+    // Written while it is rendered: 16384 * 8192 * 16 bytes are more than 64 MiB, and take
     // longer than a signal on a busy machine.
     let folder = tempfile::tempdir().expect("a folder");
     let shader = "enable wgpu_ray_tracing_pipeline;
         @group(0) @binding(0) var picture: texture_storage_2d<rgba32float, write>;
         @ray_generation
         fn main(@builtin(ray_invocation_id) id: vec3u) { textureStore(picture, id.xy, vec4f(0.5)); }";
-    let scene = "version = 1\nlaunch = [2048, 42000]\n[shaders]\nmain = 'main.wgsl'\n\
+    let scene = "version = 1\nlaunch = [16384, 8192]\n[shaders]\nmain = 'main.wgsl'\n\
         [pipeline]\nraygen = 'main'\n\
         [resources.picture]\ntype = 'storage_image'\nbinding = 0\nformat = 'rgba32f'\noutput = true\n";
     for (name, text) in [("main.wgsl", shader), ("scene.toml", scene), ("out.png", "the old one")] {

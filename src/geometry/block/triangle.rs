@@ -172,16 +172,18 @@ impl Triangle4 {
         let [a, b, c] = &self.vertices;
         let ([ax, ay, az], [bx, by, bz], [cx, cy, cz]) =
             (ray.shear(simd, a), ray.shear(simd, b), ray.shear(simd, c));
-        let area = |x: F32x4, y: F32x4, u: F32x4, v: F32x4| simd.fms(x, v, y * u);
-        let areas = [area(ax, ay, bx, by), area(bx, by, cx, cy), area(cx, cy, ax, ay)];
+        let areas = [
+            doubled_area(simd, [ax, ay], [bx, by]),
+            doubled_area(simd, [bx, by], [cx, cy]),
+            doubled_area(simd, [cx, cy], [ax, ay]),
+        ];
         let least = areas[0].relaxed_min(areas[1]).relaxed_min(areas[2]);
         let most = areas[0].relaxed_max(areas[1]).relaxed_max(areas[2]);
         let zero = F32x4::ZERO;
         let maybe_hit = least.cmp_ge(zero) | zero.cmp_ge(most);
 
-        let squares = |x: F32x4, y: F32x4, z: F32x4| simd.fma(x, x, simd.fma(y, y, z * z));
-        let across = squares(ax, bx, cx) + squares(ay, by, cy);
-        let around = across + squares(az, bz, cz);
+        let across = sum_of_squares(simd, ax, bx, cx) + sum_of_squares(simd, ay, by, cy);
+        let around = across + sum_of_squares(simd, az, bz, cz);
         let p = simd.fma(F32x4::splat(ray.relative_error), around.sqrt(), F32x4::splat(ray.absolute_error));
         let missed = most.relaxed_min(zero - least).cmp_gt(p * (across.sqrt() + p));
         if maybe_hit | missed != ALL_LANES {
@@ -220,6 +222,17 @@ impl Triangle4 {
     pub fn intersect(&self, lane: usize, ray: &ObjectRay, precision: Precision) -> Option<Intersection> {
         triangle::intersect(ray, self.vertices(lane), precision)
     }
+}
+
+/// Twice the signed area of the triangle between the origin and two points.
+#[inline(always)]
+fn doubled_area<F: FmaOps>(simd: F, [x, y]: [F32x4; 2], [u, v]: [F32x4; 2]) -> F32x4 {
+    simd.fms(x, v, y * u)
+}
+
+#[inline(always)]
+fn sum_of_squares<F: FmaOps>(simd: F, x: F32x4, y: F32x4, z: F32x4) -> F32x4 {
+    simd.fma(x, x, simd.fma(y, y, z * z))
 }
 
 /// The mask of all lanes but some. It is not inlined, so that its call is a branch.
