@@ -70,7 +70,7 @@ fn check(case: &Suite) -> std::result::Result<(), Failed> {
     let pictures = std::env::temp_dir().join("anyhit-test");
     let options = SuiteOptions { jobs: 1, pictures, ..SuiteOptions::default() };
     let run = case.run(&options, &mut |_, _| Ok(())).map_err(|error| Failed::from(error.render()))?;
-    let failed = run.result.tests.iter().filter(|test| matches!(test.ended, Ended::Failed | Ended::Error));
+    let failed = run.tests.iter().filter(|test| matches!(test.ended, Ended::Failed | Ended::Error));
     let text: String = failed.map(|test| test.text.as_str()).collect();
     if text.is_empty() { Ok(()) } else { Err(Failed::from(text)) }
 }

@@ -10,7 +10,9 @@ use std::sync::Arc;
 
 use crate::harness::memory;
 use crate::machine::Resources;
-use crate::pipeline::{Compute, Launch, Pipeline};
+use crate::pipeline::Compute;
+#[cfg(feature = "scenes")]
+use crate::pipeline::{Launch, Pipeline};
 use crate::program::Program;
 use crate::sanitize::rule::uniformity;
 use crate::sanitize::{Findings, Levels, ProgramPlan, Sanitizer};
@@ -38,6 +40,7 @@ impl<'a> SideBySide<'a> {
     }
 
     /// Runs the launch, and returns what the comparison shows until it ends or traps.
+    #[cfg(feature = "scenes")]
     pub(super) fn launch(self, pipeline: &Pipeline, size: [u32; 3], levels: &Levels) -> Findings {
         let mut pipeline = Pipeline { fuel: pipeline.fuel.min(FUEL), ..pipeline.clone() };
         pipeline.programs.iter_mut().for_each(|program| *program = unordered(program));
