@@ -79,9 +79,9 @@
                  :pixel [0 0]
                  :stopOnEntry t))
 
-(session-stopped-at "main.rgen" 12)
-(dap-next (dap--cur-session))
 (session-stopped-at "main.rgen" 13)
+(dap-next (dap--cur-session))
+(session-stopped-at "main.rgen" 14)
 (dap-continue (dap--cur-session) (dap--debug-session-thread-id (dap--cur-session)))
 (session-stopped-at "main.rchit" 14)
 (session-expect "axis" "(3, 0, 0)")
