@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
 use crate::accel::built_blas::BuiltBlas;
 use crate::accel::built_blas::partial::PartialBlas;
-use crate::accel::geometry::Geometry;
+use crate::accel::geometry::{Geometry, primitive_count};
 use crate::accel::geometry_data::GeometryKind;
 use crate::accel::node::Node;
 use crate::accel::primitive::Primitive;
@@ -211,7 +211,7 @@ impl Blas {
     #[cold]
     fn list_or_build(&self, may_use_list: bool) -> BlasForRay<'_> {
         if may_use_list
-            && self.primitive_count() > LAZY_BUILD_PRIMITIVES
+            && primitive_count(&self.geometries) > LAZY_BUILD_PRIMITIVES
             && self.rays.fetch_add(1, Ordering::Relaxed) < LAZY_BUILD_RAYS
         {
             let mut for_few = self.for_few();
@@ -225,7 +225,7 @@ impl Blas {
 
     #[cold]
     fn part_or_build(&self) -> BlasForRay<'_> {
-        if self.primitive_count() > LAZY_BUILD_PRIMITIVES
+        if primitive_count(&self.geometries) > LAZY_BUILD_PRIMITIVES
             && !self.moves()
             && self.explained_rays.fetch_add(1, Ordering::Relaxed) < PARTIAL_BUILD_RAYS
         {
@@ -247,10 +247,6 @@ impl Blas {
         // Rays that still use the list or a part keep it alive.
         *self.for_few() = ForFewRays::default();
         BlasForRay::Built(built)
-    }
-
-    fn primitive_count(&self) -> usize {
-        self.geometries.iter().map(|geometry| geometry.data.primitive_count()).sum()
     }
 }
 

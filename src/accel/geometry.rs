@@ -24,6 +24,11 @@ pub struct Geometry {
     pub vertices_t1: Option<Arc<[[f32; 3]]>>,
 }
 
+/// How many primitives geometries hold together, inactive ones included.
+pub fn primitive_count(geometries: &[Geometry]) -> usize {
+    geometries.iter().map(|geometry| geometry.data.primitive_count()).sum()
+}
+
 impl Geometry {
     /// Primitives at rest, without micromap or cluster.
     pub fn new(data: GeometryData, flags: GeometryFlags) -> Self {

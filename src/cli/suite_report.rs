@@ -115,14 +115,16 @@ pub(super) fn print_end(
 /// annotation for GitHub.
 fn print_findings(findings: &[KeptFinding], how: FindingFormat, report: ReportFormat) -> Result<()> {
     let mut warnings = findings.iter().filter(|finding| finding.is_warning());
-    let records = |findings: &mut dyn Iterator<Item = &KeptFinding>| -> Vec<FindingRecord> {
-        findings.map(|finding| finding.record().clone()).collect()
-    };
     match (how, report) {
         (FindingFormat::Text, _) => warnings.try_for_each(|finding| output::print(finding.text())),
-        (FindingFormat::Github, ReportFormat::Github) => how.print_records(&records(&mut warnings)),
-        _ => how.print_records(&records(&mut findings.iter())),
+        (FindingFormat::Github, ReportFormat::Github) => how.print_records(&records_of(warnings)),
+        _ => how.print_records(&records_of(findings)),
     }
+}
+
+/// What other formats have of findings.
+pub(super) fn records_of<'a>(findings: impl IntoIterator<Item = &'a KeptFinding>) -> Vec<FindingRecord> {
+    findings.into_iter().map(|finding| finding.record().clone()).collect()
 }
 
 /// The error that becomes the exit code; everything about it is printed already.

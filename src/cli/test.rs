@@ -12,7 +12,7 @@ use crate::cli::output;
 use crate::cli::sanitize::SanitizeArgs;
 use crate::cli::share::ShareArgs;
 use crate::cli::stability::StabilityArgs;
-use crate::cli::suite_report::{ReportFormat, SuiteFiles, print_end, print_test, verdict};
+use crate::cli::suite_report::{ReportFormat, SuiteFiles, print_end, print_test, records_of, verdict};
 use crate::debug::shell;
 use crate::error::{Error, ErrorKind, Result};
 use crate::harness::init;
@@ -20,7 +20,7 @@ use crate::harness::shares::{Shard, ShareResults, Timings, fingerprint};
 use crate::harness::suite::{Suite, SuiteOptions, SuiteResult, SuiteWhole, report};
 use crate::input::{InputLimit, InputLimits, RootFolder, read_argument};
 use crate::machine::LaunchLimits;
-use crate::sanitize::{FindingRecord, formats};
+use crate::sanitize::formats;
 use crate::scene::SceneFiles;
 
 /// Runs test cases: scenes with `[expect]` and `*.test.toml` files of rays.
@@ -118,7 +118,8 @@ pub fn run(args: TestArgs) -> Result<()> {
     if suite.tests().is_empty() {
         return Err(no_tests(&args, found));
     }
-    let whole = whole(&args, &suite, timings.as_ref())?;
+    let known = args.sanitize.known()?;
+    let whole = whole(&args, &suite, timings.as_ref(), known.as_deref())?;
     if let Some(shard) = shard {
         suite.shard(shard, timings.as_ref());
     }
@@ -126,7 +127,7 @@ pub fn run(args: TestArgs) -> Result<()> {
         let names: String = suite.tests().iter().map(|test| format!("{}\n", test.name)).collect();
         return output::print(names);
     }
-    let result = execute(&args, &suite)?;
+    let result = execute(&args, &suite, known)?;
     let results = ShareResults::new(whole, shard.unwrap_or(Shard::WHOLE), result);
     let files = SuiteFiles {
         junit: args.junit.as_deref(),
@@ -139,9 +140,8 @@ pub fn run(args: TestArgs) -> Result<()> {
     let mut unwritten = files.write(&result);
     unwritten.extend(args.share.write(&results).err());
     if let Some(path) = args.sanitize.baseline_to_write() {
-        let records: Vec<FindingRecord> =
-            result.findings().iter().map(|finding| finding.record().clone()).collect();
-        unwritten.extend(atomic_file::write(path, formats::baseline(&records)).err());
+        let baseline = formats::baseline(&records_of(&result.findings()));
+        unwritten.extend(atomic_file::write(path, baseline).err());
     }
     print_end(results.whole(), &result, args.format, args.sanitize.format())?;
     if unwritten.is_empty() { verdict(&result) } else { Err(Error::several(unwritten)) }
@@ -185,7 +185,12 @@ fn read_timings(path: &Path, limits: &InputLimits) -> Result<Timings> {
 }
 
 /// What shares of the suite have in common.
-fn whole(args: &TestArgs, suite: &Suite, timings: Option<&Timings>) -> Result<SuiteWhole> {
+fn whole(
+    args: &TestArgs,
+    suite: &Suite,
+    timings: Option<&Timings>,
+    known: Option<&str>,
+) -> Result<SuiteWhole> {
     let given = [
         (args.all_widths, "--all-widths"),
         (args.check_optimizer, "--check-optimizer"),
@@ -201,8 +206,8 @@ fn whole(args: &TestArgs, suite: &Suite, timings: Option<&Timings>) -> Result<Su
     }
     let limits = format!("{:?}", args.limits.limits(LaunchLimits::TESTS));
     options.push(format!("limits {}", fingerprint([limits.as_str()].into_iter())));
-    if let Some(known) = args.sanitize.known()? {
-        options.push(format!("--baseline {}", fingerprint([known.as_str()].into_iter())));
+    if let Some(known) = known {
+        options.push(format!("--baseline {}", fingerprint([known].into_iter())));
     }
     let many_seeds = args.many_seeds.given(&args.sanitize, &args.stability)?;
     Ok(SuiteWhole {
@@ -224,7 +229,7 @@ fn whole(args: &TestArgs, suite: &Suite, timings: Option<&Timings>) -> Result<Su
     })
 }
 
-fn execute(args: &TestArgs, suite: &Suite) -> Result<SuiteResult> {
+fn execute(args: &TestArgs, suite: &Suite, known: Option<String>) -> Result<SuiteResult> {
     let colour = !output::is_plain() && args.format == ReportFormat::Plain && stdout().is_terminal();
     let options = SuiteOptions {
         jobs: args.jobs.map_or(0, usize::from),
@@ -237,7 +242,7 @@ fn execute(args: &TestArgs, suite: &Suite) -> Result<SuiteResult> {
         perturb: args.stability.perturbation(args.many_seeds.perturbed_runs()),
         sanitize: args.sanitize.is_requested().then(|| args.sanitize.given_levels()).transpose()?,
         many_seeds: args.many_seeds.given(&args.sanitize, &args.stability)?,
-        known: args.sanitize.known()?,
+        known,
         becomes_baseline: args.sanitize.baseline_to_write().is_some(),
         no_explanation: args.no_explanation,
         colour,

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use crate::accel::geometry::primitive_count;
 use crate::accel::{self, Committed, HitPrimitive, InstanceVerdict, PrimitiveVerdict, Tlas, TraceRay};
 use crate::debug::names::{self, Names};
 use crate::debug::transcript::{
@@ -42,7 +43,7 @@ impl Names<'_> {
             instance: number as u32,
             geometry: self.geometry(tlas, number as u32).to_vec(),
             primitive_kind: instance.blas.kind().map(|kind| kind.to_string()),
-            primitives: instance.blas.geometries().iter().map(|one| one.data.primitive_count()).sum(),
+            primitives: primitive_count(instance.blas.geometries()),
             mask: instance.mask,
             custom_index: instance.custom_index,
             bounds: world_bounds(instance, time).map(|corners| corners.map(|one| one.map(FloatValue::F32))),

@@ -13,6 +13,7 @@ mod tensors;
 use std::path::Path;
 use std::sync::Arc;
 
+use crate::accel::geometry::primitive_count;
 use crate::accel::{InstanceFlags, Tlas, TlasInstance, TraceRay};
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::input::{InputLimit, InputLimits, read_argument};
@@ -159,7 +160,7 @@ impl Recording {
                 Some(first)
             })
             .collect();
-        let boxes: usize = geometries.iter().map(|geometry| geometry.data.primitive_count()).sum();
+        let boxes = primitive_count(&geometries);
         let blas = crate::accel::Blas::new(geometries).map_err(invalid)?;
         let spheres = procedural_spheres(&tensors, blas.geometries(), boxes)?;
         let tlas = Tlas::new(instances(&tensors, &blas)?).map_err(invalid)?;

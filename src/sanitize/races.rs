@@ -45,7 +45,7 @@ use crate::sanitize::plan::{InstructionWords, ProgramPlan};
 use crate::sanitize::races::bindings::{References, Written};
 use crate::sanitize::races::class::{Class, Classes};
 use crate::sanitize::races::conflict::rank;
-use crate::sanitize::races::fences::fence_at;
+use crate::sanitize::races::fences::fence_of;
 use crate::sanitize::races::order::{AccessForm, Accessor, Event, LaneOrder, Order};
 use crate::sanitize::races::ordering::Ordering;
 use crate::sanitize::rule::Rule;
@@ -178,9 +178,8 @@ impl Races {
     /// The running invocations have passed a memory barrier, or another instruction that orders
     /// nothing.
     pub(super) fn fence<const W: usize>(&mut self, batch: &Batch<W>, program: &Program, place: OpPlace) {
-        let offset = program.origins.get(place.op.index()).map_or(u32::MAX, |origin| origin.offset);
         let invocations = batch.mask.lanes().map(|lane| batch.invocations.number(lane) as u32);
-        self.order.fence(invocations, fence_at(&program.module, offset));
+        self.order.fence(invocations, fence_of(&program.module, instruction(program, place)));
     }
 
     /// The running invocations have loaded or stored a part of a buffer, or of the workgroup's

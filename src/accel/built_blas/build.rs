@@ -4,7 +4,7 @@
 use crate::accel::binned_sah::{PrimRef, SahCost};
 use crate::accel::built_blas::{BuiltBlas, GeomPrim, PrimitiveBlocks};
 use crate::accel::flags::GeometryFlags;
-use crate::accel::geometry::Geometry;
+use crate::accel::geometry::{Geometry, primitive_count};
 use crate::accel::geometry_data::{GeometryData, GeometryKind};
 use crate::accel::primitive::{self, Primitive, PrimitiveVisitor};
 use crate::accel::wide_bvh::WideBvh;
@@ -78,7 +78,7 @@ impl BuiltBlas {
         if geometries.iter().any(|geometry| geometry.vertices_t1.is_some()) {
             return Self::collect_moving(geometries, may_build);
         }
-        let count: usize = geometries.iter().map(|geometry| geometry.data.primitive_count()).sum();
+        let count = primitive_count(geometries);
         let has_bvh = may_build && count > MAX_WITHOUT_BVH;
         let collected = if has_bvh {
             CollectedPrimitives::with_boxes(geometries, count)

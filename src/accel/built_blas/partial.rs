@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::accel::built_blas::build::{CollectedPrimitives, common_flags, cost_of};
 use crate::accel::built_blas::{BuiltBlas, GeomPrim, PrimitiveBlocks};
-use crate::accel::geometry::Geometry;
+use crate::accel::geometry::{Geometry, primitive_count};
 use crate::accel::node::Node;
 use crate::accel::wide_bvh::growth::BvhGrowth;
 
@@ -22,8 +22,7 @@ impl PartialBlas {
     /// Begins with nothing but the boxes of all primitives, none of which moves; `None` where no
     /// more than `most_whole` are active.
     pub(in crate::accel) fn begin(geometries: &[Geometry], most_whole: usize) -> Option<Self> {
-        let count: usize = geometries.iter().map(|geometry| geometry.data.primitive_count()).sum();
-        let collected = CollectedPrimitives::with_boxes(geometries, count);
+        let collected = CollectedPrimitives::with_boxes(geometries, primitive_count(geometries));
         if collected.boxes.len() <= most_whole {
             return None;
         }

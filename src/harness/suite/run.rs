@@ -1,5 +1,6 @@
 //! Runs the tests of a suite in parallel.
 
+use std::cell::LazyCell;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -99,9 +100,10 @@ impl Suite {
             Some(_) => Ok(Findings::default()),
             None => known_before(&loaded.scene, &loaded.assembled),
         };
+        let numbers = LazyCell::new(|| (module_numbers(&loaded.assembled), path_number(&file)));
         let among_others = |findings: Findings| match findings.is_empty() {
             true => findings,
-            false => findings.among_others(&module_numbers(&loaded.assembled), path_number(&file)),
+            false => findings.among_others(&numbers.0, numbers.1),
         };
         let findings = match known {
             Ok(findings) => among_others(findings),

@@ -109,10 +109,8 @@ impl Tester<'_> {
                 if let Some(known) = &self.options.known {
                     found.forget_known(known);
                 }
-                let mut denied = found.denied().map(|one| Difference::of(one.report())).collect::<Vec<_>>();
-                if self.options.becomes_baseline {
-                    denied.clear();
-                }
+                let denied = found.denied().filter(|_| !self.options.becomes_baseline);
+                let denied = denied.map(|one| Difference::of(one.report())).collect();
                 all.extend(found);
                 self.outcome(denied, None, self.part())
             }

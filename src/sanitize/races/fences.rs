@@ -5,10 +5,10 @@
 use rspirv::spirv::{Op as Opcode, Scope};
 use rustc_hash::FxHashMap;
 
-use crate::module::{Id, Module};
+use crate::module::Module;
 use crate::sanitize::plan::InstructionWords;
 use crate::sanitize::races::class::Reach;
-use crate::sanitize::races::ordering::{Ordering, is_wide, scope};
+use crate::sanitize::races::ordering::{Ordering, is_wide, semantics_and_scope};
 
 /// When something has last happened: by class of memory, in any scope and in one that is wider than
 /// a workgroup; 0 where it has not.
@@ -84,15 +84,14 @@ impl Fences {
     }
 }
 
-/// What the memory barrier or control barrier at a word offset orders; nothing of another
-/// instruction.
-pub(super) fn fence_at(module: &Module, offset: u32) -> Ordering {
-    let InstructionWords { opcode, words } = InstructionWords::at(module, offset);
+/// What an instruction orders that is a memory barrier or a control barrier; nothing of another.
+pub(super) fn fence_of(module: &Module, instruction: InstructionWords<'_>) -> Ordering {
+    let InstructionWords { opcode, words } = instruction;
     let scope_at = match opcode {
         Some(Opcode::MemoryBarrier) => 1,
         Some(Opcode::ControlBarrier) => 2,
         _ => return Ordering::default(),
     };
-    let semantics = words.get(scope_at + 1).and_then(|&id| module.scalar_value(Id(id)));
-    Ordering::of(semantics, scope(module, words.get(scope_at)))
+    let (semantics, scope) = semantics_and_scope(module, words, scope_at);
+    Ordering::of(semantics, scope)
 }

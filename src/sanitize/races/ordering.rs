@@ -46,6 +46,17 @@ pub(super) fn is_wide(scope: Option<Scope>) -> bool {
     !matches!(scope, Some(Scope::Workgroup | Scope::Subgroup | Scope::Invocation))
 }
 
+/// The memory semantics of an instruction, and its scope, which is the word before them; `None`
+/// where they are not known.
+pub(super) fn semantics_and_scope(
+    module: &Module,
+    words: &[u32],
+    scope_at: usize,
+) -> (Option<u64>, Option<Scope>) {
+    let semantics = words.get(scope_at + 1).and_then(|&id| module.scalar_value(Id(id)));
+    (semantics, scope(module, words.get(scope_at)))
+}
+
 /// The scope of an id.
 pub(super) fn scope(module: &Module, id: Option<&u32>) -> Option<Scope> {
     let scope = module.scalar_value(Id(*id?))?;

@@ -5,16 +5,16 @@
 use rspirv::spirv::{ImageOperands, MemoryAccess, MemorySemantics, Op as Opcode, Scope};
 use rustc_hash::FxHashMap;
 
+use crate::module::Module;
 use crate::module::decoration::number;
 use crate::module::interface::EntryPoint;
-use crate::module::{Id, Module};
 use crate::ops::atomic;
 use crate::ops::pointer::storage;
 use crate::program::Program;
 use crate::sanitize::module_checks::code::{EntryCode, Part};
 use crate::sanitize::plan::InstructionWords;
 use crate::sanitize::races::class::{Classes, Reach};
-use crate::sanitize::races::ordering::{Ordering, is_wide, known_bits, scope};
+use crate::sanitize::races::ordering::{Ordering, is_wide, known_bits, scope, semantics_and_scope};
 
 /// What a declaration says of others that reach the same memory (SPIR-V 2.18.2, "Aliasing").
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -214,8 +214,7 @@ impl Barriers {
     /// Adds a barrier or an atomic instruction, whose scope is an operand and whose semantics are
     /// the next.
     fn add(&mut self, module: &Module, operands: &[u32], scope_at: usize) -> Ordering {
-        let semantics = operands.get(scope_at + 1).and_then(|&id| module.scalar_value(Id(id)));
-        let scope = scope(module, operands.get(scope_at));
+        let (semantics, scope) = semantics_and_scope(module, operands, scope_at);
         let (ordering, bits) = (Ordering::of(semantics, scope), known_bits(semantics));
         self.all = self.all.with(ordering);
         let reach = Reach::of(Classes::of(semantics), is_wide(scope));
