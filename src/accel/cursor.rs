@@ -173,17 +173,15 @@ impl Cursor {
     /// Advances to the next candidate; `None` at the end. The previous candidate is ignored if it
     /// was not confirmed.
     pub fn proceed(&mut self, tlas: &Tlas) -> Option<Candidate> {
-        if let Some(candidate) = self.next.take() {
-            self.hits.present(candidate);
-            return Some(candidate);
+        if self.next.is_some() {
+            return self.present_next();
         }
         if self.state == State::Fresh && self.drawn.is_none() && tlas.is_fully_opaque(self.trace.flags) {
-            self.state = State::Ended;
-            let traversal = self.traversal.get_or_insert_with(|| Box::new(TraversalState::EMPTY));
-            if !traversal.trace_only_instance(&mut self.hits, &self.trace, tlas) {
-                self.advance::<(), true>(tlas, true, &mut ());
+            let (traversal, hits, trace) = self.parts();
+            if !traversal.trace_only_instance(hits, trace, tlas) {
+                self.trace_other_opaque(tlas);
             }
-            self.hits.commit_closest();
+            self.state = State::Ended;
             return None;
         }
         if self.traversal.as_ref().is_some_and(|state| state.is_in_part()) {
@@ -191,6 +189,44 @@ impl Cursor {
             return self.proceed_as(tlas, &mut nobody);
         }
         self.proceed_as(tlas, &mut ())
+    }
+
+    /// Traces a ray for which no shader decides ([`Tlas::is_fully_opaque`]) from beginning to end, by
+    /// the buffers of this cursor, whose traversal is over then; returns its hit: the closest, or
+    /// with `any_opaque_hit` [any](Cursor::end_at_any_opaque_hit).
+    pub fn trace_opaque(&mut self, tlas: &Tlas, trace: &TraceRay, any_opaque_hit: bool) -> Option<&Committed> {
+        self.hits.clear();
+        self.hits.cull_t = trace.ray.t_max;
+        self.hits.any_opaque_hit_ends = any_opaque_hit;
+        let (traversal, hits, _) = self.parts();
+        if !traversal.trace_only_instance(hits, trace, tlas) {
+            self.trace = *trace;
+            self.trace_other_opaque(tlas);
+        }
+        self.state = State::Ended;
+        self.hits.committed.as_ref()
+    }
+
+    /// Traces a ray for which no shader decides through any structure.
+    #[inline(never)]
+    fn trace_other_opaque(&mut self, tlas: &Tlas) {
+        self.advance::<(), true>(tlas, true, &mut ());
+        self.hits.commit_closest();
+    }
+
+    /// What a traversal changes, and its ray.
+    #[inline(always)]
+    fn parts(&mut self) -> (&mut TraversalState, &mut HitQueue, &TraceRay) {
+        let Self { traversal, hits, trace, .. } = self;
+        (traversal.get_or_insert_with(|| Box::new(TraversalState::EMPTY)), hits, trace)
+    }
+
+    /// Comes to the candidate that is known ahead.
+    #[inline(never)]
+    fn present_next(&mut self) -> Option<Candidate> {
+        let candidate = self.next.take()?;
+        self.hits.present(candidate);
+        Some(candidate)
     }
 
     /// Continues as [`Cursor::proceed`] does, and reports the steps to an observer.
@@ -357,9 +393,7 @@ impl Cursor {
         start: bool,
         observer: &mut V,
     ) -> bool {
-        let trace = &self.trace;
-        let traversal = &mut **self.traversal.get_or_insert_with(|| Box::new(TraversalState::EMPTY));
-        let hits = &mut self.hits;
+        let (traversal, hits, trace) = self.parts();
         let task = TraversalTask::<V, FULLY_OPAQUE> { traversal, hits, trace, tlas, observer, start };
         if V::is_active() { BaselineSimd.dispatch(task) } else { tlas.cpu_tier().run(task) }
     }

@@ -69,7 +69,7 @@ impl InstanceRay {
         let entered = match (bvh, tlas.transform(instance)) {
             (Some(bvh), InstanceTransform::Identity) => {
                 self.ray_space = RaySpace::World;
-                self.is_well_scaled = self.trav_ray.set_world_space(&trace.ray, bvh.scale());
+                self.is_well_scaled = self.trav_ray.set_world_space(&trace.ray, bvh.world_space());
                 self.is_well_scaled
             }
             (Some(bvh), InstanceTransform::Static(transform)) => {
@@ -78,6 +78,13 @@ impl InstanceRay {
             _ => false,
         };
         entered || self.enter_in_object_space(tlas, bvh, trace, cull_t)
+    }
+
+    /// Enters an instance in world space with a ray whose slabs the caller has made.
+    #[inline(always)]
+    pub(super) fn enter_with_world_slabs(&mut self, instance: u32) {
+        self.instance = instance;
+        self.has_object_ray = false;
     }
 
     /// [`Self::enter`] by an f32 ray with error bounds; `false` if those do not suffice.
@@ -155,7 +162,11 @@ impl InstanceRay {
 
     /// The ray for the tests of whole leaves.
     #[inline(always)]
-    pub(super) fn leaf_ray<'a>(&'a mut self, tlas: &'a Tlas, trace: &'a TraceRay) -> InstanceLeafRay<'a> {
+    pub(super) fn leaf_ray<'a, const WELL_SCALED: bool>(
+        &'a mut self,
+        tlas: &'a Tlas,
+        trace: &'a TraceRay,
+    ) -> InstanceLeafRay<'a, WELL_SCALED> {
         InstanceLeafRay { instance_ray: self, tlas, trace }
     }
 
@@ -237,17 +248,18 @@ impl InstanceRay {
     }
 }
 
-/// The ray of an instance for tests of whole leaves.
-pub(super) struct InstanceLeafRay<'a> {
+/// The ray of an instance for tests of whole leaves. `WELL_SCALED` says that object space is world
+/// space and that the ray is well scaled.
+pub(super) struct InstanceLeafRay<'a, const WELL_SCALED: bool> {
     instance_ray: &'a mut InstanceRay,
     tlas: &'a Tlas,
     trace: &'a TraceRay,
 }
 
-impl LeafRay for InstanceLeafRay<'_> {
+impl<const WELL_SCALED: bool> LeafRay for InstanceLeafRay<'_, WELL_SCALED> {
     #[inline(always)]
     fn double_ray<D: F64x4Ops>(&mut self, simd: D) -> DoubleRay<D> {
-        if self.instance_ray.is_well_scaled {
+        if WELL_SCALED || self.instance_ray.is_well_scaled {
             DoubleRay::in_world(simd, &self.trace.ray)
         } else {
             DoubleRay::of(simd, self.object_ray())

@@ -42,6 +42,7 @@ mod traversal_stack;
 mod validate;
 mod validate_instances;
 mod wide_bvh;
+mod world_space_ray;
 
 pub use blas::Blas;
 pub use cursor::Cursor;

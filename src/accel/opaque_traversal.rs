@@ -3,15 +3,16 @@
 //!
 //! A ray that shaders may have to decide about goes through `traversal`, which finds the same hits.
 
-use crate::accel::built_blas::{BuiltBlas, GeomPrim, PrimitiveBlocks, WholeBlock};
+use crate::accel::built_blas::{BuiltBlas, GeomPrim, LeafRay, PrimitiveBlocks, WholeBlock};
 use crate::accel::flags::InstanceFlags;
-use crate::accel::hit::Candidate;
+use crate::accel::hit::{Candidate, Committed};
 use crate::accel::hit_queue::HitQueue;
 use crate::accel::instance_ray::InstanceRay;
 use crate::accel::node::NodeRef;
 use crate::accel::rules::{apply_flip_facing, culls_faces, is_culled_by_face, is_culled_by_opacity};
 use crate::accel::tlas::Tlas;
 use crate::accel::trace_ray::TraceRay;
+use crate::accel::trav_ray::{NodeLimit, Slabs};
 use crate::accel::traversal_stack::Stack;
 use crate::accel::wide_bvh::WideBvh;
 use crate::geometry::{Intersection, Surface};
@@ -25,11 +26,10 @@ const ALL: u32 = 0b1111;
 /// The traversal of the instance that a ray has entered, from the root of its tree on. The
 /// arguments of a function, each of which fits into a register.
 pub(super) struct OpaqueTraversal<'a> {
+    pub instance: &'a OpaqueInstance<'a>,
     pub stack: &'a mut Stack,
     pub instance_ray: &'a mut InstanceRay,
     pub hits: &'a mut HitQueue,
-    pub trace: &'a TraceRay,
-    pub tlas: &'a Tlas,
 }
 
 impl LaneTask for OpaqueTraversal<'_> {
@@ -37,17 +37,44 @@ impl LaneTask for OpaqueTraversal<'_> {
 
     #[inline(always)]
     fn run<E: LaneOps>(self, simd: E) {
-        let instance = &self.tlas.instances()[self.instance_ray.instance as usize];
-        let built = instance.blas.built();
-        let Some(bvh) = built.bvh() else { return };
-        if is_culled_by_opacity(self.trace.flags, true) {
-            return;
+        let Self { instance, stack, instance_ray, hits } = self;
+        let slabs = instance_ray.trav_ray.slabs(simd);
+        if let Some(found) = instance.traverse_tree::<E, false>(slabs, stack, instance_ray, hits) {
+            hits.add_opaque(instance.candidate(&found));
         }
-        match built.blocks() {
-            PrimitiveBlocks::Triangles(blocks) => self.traverse(simd, built, bvh, blocks),
-            PrimitiveBlocks::Spheres(blocks) => self.traverse(simd, built, bvh, blocks),
-            _ => {}
+    }
+}
+
+/// The traversal of an instance that stands in world space, the first that a ray comes to, by a
+/// [well-scaled](crate::geometry::Ray::is_well_scaled) one that starts near it: all that such a ray
+/// takes is in this function. It commits the hit; for any other ray it does nothing and returns
+/// `false`.
+pub(super) struct WorldTraversal<'a> {
+    pub instance: &'a OpaqueInstance<'a>,
+    pub stack: &'a mut Stack,
+    pub instance_ray: &'a mut InstanceRay,
+    pub hits: &'a mut HitQueue,
+}
+
+impl LaneTask for WorldTraversal<'_> {
+    type Output = bool;
+
+    #[inline(always)]
+    fn run<E: LaneOps>(self, simd: E) -> bool {
+        let Self { instance, stack, instance_ray, hits } = self;
+        let slabs = Slabs::in_world(simd, &instance.trace.ray, instance.bvh.world_space());
+        let Some(slabs) = slabs else { return false };
+        instance_ray.enter_with_world_slabs(instance.number);
+        let found = instance.traverse_tree::<E, true>(slabs, stack, instance_ray, hits);
+        if hits.closest_opaque.is_some() {
+            if let Some(found) = found {
+                hits.add_opaque(instance.candidate(&found));
+            }
+            hits.commit_closest();
+        } else if let Some(found) = found {
+            hits.committed = Committed::opaque(instance.candidate(&found));
         }
+        true
     }
 }
 
@@ -58,17 +85,70 @@ struct Closest {
     intersection: Intersection,
 }
 
-impl OpaqueTraversal<'_> {
+/// An instance with a tree whose leaves are tested as wholes, and the ray that enters it.
+pub(super) struct OpaqueInstance<'a> {
+    built: &'a BuiltBlas,
+    bvh: &'a WideBvh,
+    trace: &'a TraceRay,
+    tlas: &'a Tlas,
+    /// `InstanceId`
+    number: u32,
+    flags: InstanceFlags,
+}
+
+impl<'a> OpaqueInstance<'a> {
+    /// The instance of a number; `None` for any other.
     #[inline(always)]
-    fn traverse<E: LaneOps, B: WholeBlock>(self, simd: E, built: &BuiltBlas, bvh: &WideBvh, blocks: &[B]) {
-        let Self { stack, instance_ray, hits, trace, tlas } = self;
-        let number = instance_ray.instance;
-        let context = Context { built, trace, tlas, number, flags: tlas.instances()[number as usize].flags };
-        let shown = context.shown_surfaces();
-        let slabs = instance_ray.trav_ray.slabs(simd);
+    pub(super) fn new(built: &'a BuiltBlas, trace: &'a TraceRay, tlas: &'a Tlas, number: u32) -> Option<Self> {
+        let bvh = built.bvh().filter(|_| built.tests_whole_leaves(tlas.precision()))?;
+        let flags = tlas.instances()[number as usize].flags;
+        Some(Self { built, bvh, trace, tlas, number, flags })
+    }
+
+    /// Its tree.
+    #[inline(always)]
+    pub(super) fn bvh(&self) -> &'a WideBvh {
+        self.bvh
+    }
+
+    /// Traverses the tree; returns the closest hit, unless that was added to `hits`.
+    #[inline(always)]
+    fn traverse_tree<E: LaneOps, const WELL_SCALED: bool>(
+        &self,
+        slabs: Slabs<E>,
+        stack: &mut Stack,
+        instance_ray: &mut InstanceRay,
+        hits: &mut HitQueue,
+    ) -> Option<Closest> {
+        match self.built.blocks() {
+            PrimitiveBlocks::Triangles(blocks) => {
+                self.traverse::<E, _, WELL_SCALED>(slabs, blocks, stack, instance_ray, hits)
+            }
+            PrimitiveBlocks::Spheres(blocks) => {
+                self.traverse::<E, _, WELL_SCALED>(slabs, blocks, stack, instance_ray, hits)
+            }
+            _ => None,
+        }
+    }
+
+    #[inline(always)]
+    fn traverse<E: LaneOps, B: WholeBlock, const WELL_SCALED: bool>(
+        &self,
+        slabs: Slabs<E>,
+        blocks: &[B],
+        stack: &mut Stack,
+        instance_ray: &mut InstanceRay,
+        hits: &mut HitQueue,
+    ) -> Option<Closest> {
+        let Self { bvh, trace, tlas, .. } = *self;
+        let simd = slabs.simd;
+        let limit_at = |instance_ray: &InstanceRay, t| {
+            if WELL_SCALED { NodeLimit::unshifted(t) } else { instance_ray.trav_ray.limit(t) }
+        };
+        let shown = self.shown_surfaces();
         let mut stack = stack.room_for(bvh);
         let mut cull_t = hits.cull_t;
-        let mut limit = instance_ray.trav_ray.limit(cull_t);
+        let mut limit = limit_at(instance_ray, cull_t);
         let mut closest: Option<Closest> = None;
         let mut next = Some(bvh.root());
         while let Some(mut child) = next {
@@ -93,57 +173,62 @@ impl OpaqueTraversal<'_> {
                 next = stack.pop(limit);
                 continue;
             }
-            built.prefetch_geom_prims(child);
-            let mut ray = instance_ray.leaf_ray(tlas, trace);
-            let found = blocks[child.index()].intersect_all(simd, &mut ray, cull_t);
-            let filled = built.full_mask(child);
-            let (mut hit, mut undecided) = (found.hits_on(shown) & filled, found.undecided() & filled);
-            if hit | undecided == 0 {
+            let mut ray = instance_ray.leaf_ray::<WELL_SCALED>(tlas, trace);
+            let (has_hits, undecided) =
+                self.test_leaf(simd, blocks, child, &mut ray, shown, &mut cull_t, &mut closest);
+            if !has_hits && undecided == 0 {
                 next = stack.pop(limit);
                 continue;
             }
-            while hit != 0 {
-                let lane = hit.trailing_zeros() as usize;
-                hit &= hit - 1;
-                let intersection = found.intersection(lane);
-                if intersection.t < cull_t {
-                    cull_t = intersection.t;
-                    closest = Some(Closest { leaf: child, lane, intersection });
-                } else if intersection.t == cull_t {
-                    // The order of hits decides.
-                    undecided |= 1 << lane;
-                }
-            }
             if undecided != 0 {
                 if let Some(found) = closest.take() {
-                    hits.add_opaque(context.candidate(found.leaf, found.lane, found.intersection));
+                    hits.add_opaque(self.candidate(&found));
                 }
-                context.decide(hits, instance_ray, child, undecided);
+                self.decide(hits, instance_ray, child, undecided);
                 cull_t = hits.cull_t;
             }
             if hits.any_opaque_hit_ends && (closest.is_some() || hits.closest_opaque.is_some()) {
                 break;
             }
-            limit = instance_ray.trav_ray.limit(cull_t);
+            limit = limit_at(instance_ray, cull_t);
             next = stack.pop(limit);
         }
-        if let Some(found) = closest {
-            hits.add_opaque(context.candidate(found.leaf, found.lane, found.intersection));
-        }
+        closest
     }
-}
 
-/// What the hits of an instance share.
-struct Context<'a> {
-    built: &'a BuiltBlas,
-    trace: &'a TraceRay,
-    tlas: &'a Tlas,
-    /// `InstanceId`
-    number: u32,
-    flags: InstanceFlags,
-}
+    /// Tests the primitives of a leaf, and takes over the closest hit before `cull_t`, which falls to
+    /// it. Returns whether there were any, and a mask of the primitives that exact arithmetic or the
+    /// order of hits has to decide about.
+    #[inline(always)]
+    pub(super) fn test_leaf<E: LaneOps, B: WholeBlock>(
+        &self,
+        simd: E,
+        blocks: &[B],
+        leaf: NodeRef,
+        ray: &mut impl LeafRay,
+        shown: [u32; 2],
+        cull_t: &mut f32,
+        closest: &mut Option<Closest>,
+    ) -> (bool, u32) {
+        self.built.prefetch_geom_prims(leaf);
+        let found = blocks[leaf.index()].intersect_all(simd, ray, *cull_t);
+        let filled = self.built.full_mask(leaf);
+        let (mut hit, mut undecided) = (found.hits_on(shown) & filled, found.undecided() & filled);
+        let has_hits = hit != 0;
+        while hit != 0 {
+            let lane = hit.trailing_zeros() as usize;
+            hit &= hit - 1;
+            let intersection = found.intersection(lane);
+            if intersection.t < *cull_t {
+                *cull_t = intersection.t;
+                *closest = Some(Closest { leaf, lane, intersection });
+            } else if intersection.t == *cull_t {
+                undecided |= 1 << lane;
+            }
+        }
+        (has_hits, undecided)
+    }
 
-impl Context<'_> {
     /// For the first and the second surface of [`Intersection4`](crate::geometry::Intersection4) a
     /// mask of the primitives that count where they are hit on it: all or none.
     #[inline(always)]
@@ -164,7 +249,7 @@ impl Context<'_> {
 
     /// The hit of the primitive in a lane of a leaf.
     #[inline(always)]
-    fn candidate(&self, leaf: NodeRef, lane: usize, found: Intersection) -> Candidate {
+    fn candidate(&self, &Closest { leaf, lane, intersection: found }: &Closest) -> Candidate {
         let GeomPrim { geometry, primitive } = self.built.geom_prim(leaf, lane);
         let intersection = Intersection { surface: apply_flip_facing(found.surface, self.flags), ..found };
         Candidate { instance: self.number, geometry, primitive, intersection, opaque: true }
@@ -183,7 +268,7 @@ impl Context<'_> {
             if let Some(found) =
                 found.filter(|found| found.t <= hits.cull_t && !self.is_culled(found.surface))
             {
-                hits.add_opaque(self.candidate(leaf, lane, found));
+                hits.add_opaque(self.candidate(&Closest { leaf, lane, intersection: found }));
             }
         }
     }

@@ -297,12 +297,7 @@ impl Packet {
     }
 
     fn trace_single(&mut self, tlas: &Tlas, trace: &TraceRay, any_opaque_hit: bool) -> Option<Committed> {
-        self.cursor.reset(tlas, *trace);
-        if any_opaque_hit {
-            self.cursor.end_at_any_opaque_hit();
-        }
-        while self.cursor.proceed(tlas).is_some() {}
-        self.cursor.committed().copied()
+        self.cursor.trace_opaque(tlas, trace, any_opaque_hit).copied()
     }
 
     /// The hit of a ray that was traced in the packet.

@@ -22,6 +22,12 @@ pub fn is_skipped(ray: RayFlags, kind: GeometryKind) -> bool {
     }
 }
 
+/// Whether the ray skips some kind of primitive.
+#[inline]
+pub fn skips_any(ray: RayFlags) -> bool {
+    ray.contains(RayFlags::SKIP_TRIANGLES) || ray.contains(RayFlags::SKIP_AABBS)
+}
+
 /// Whether a primitive counts as opaque: the flags of the ray override those of the instance, which
 /// override those of the geometry.
 #[inline]

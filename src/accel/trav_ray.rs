@@ -27,7 +27,9 @@
 
 use std::ops::RangeInclusive;
 
+use crate::accel::world_space_ray::{WorldSpaceRay, WorldSpaceTree};
 use crate::geometry::{ApproximateRay, Bounds, ObjectRay, Ray};
+use crate::math::baseline_simd::BaselineSimd;
 use crate::math::f32x4::{F32x4, LANES};
 use crate::math::f32x8::F32x8Ops;
 
@@ -41,8 +43,14 @@ pub(super) struct NodeLimit(pub(super) f32);
 /// A number for each axis, in all lanes. (No closure: one that is not inlined takes its vectors
 /// through memory.)
 #[inline(always)]
-fn splat_axes<E: F32x8Ops>(simd: E, &[x, y, z, _]: &[f32; LANES]) -> [E::F32x8; 3] {
+fn splat_axes<E: F32x8Ops>(simd: E, &[x, y, z]: &[f32; 3]) -> [E::F32x8; 3] {
     [simd.splat(x), simd.splat(y), simd.splat(z)]
+}
+
+/// The first three of four numbers.
+#[inline(always)]
+fn first_three(numbers: &[f32; LANES]) -> &[f32; 3] {
+    numbers.first_chunk().expect("three of four")
 }
 
 /// A ray prepared for the nodes of one tree.
@@ -87,6 +95,15 @@ pub(super) const APPROXIMATE_SCALES: RangeInclusive<f32> = 1.0 / (1u64 << 20) as
 pub(super) const SHRINK: f64 = 1.0 - 1.0 / 4_194_304.0;
 pub(super) const WIDEN: f64 = 1.0 + 1.0 / 4_194_304.0;
 
+impl NodeLimit {
+    /// The limit of a ray whose t is not shifted.
+    #[inline(always)]
+    pub(super) fn unshifted(t: f32) -> Self {
+        // An infinite t would let boxes at infinity pass.
+        Self(t.min(f32::MAX))
+    }
+}
+
 impl TravRay {
     /// Placeholder value.
     pub(super) const EMPTY: Self = Self {
@@ -111,7 +128,7 @@ impl TravRay {
     #[inline]
     pub(super) fn new(ray: &ObjectRay, t_max: f32, root: &Bounds, scale: f64) -> Option<Self> {
         let mut world_space = Self::EMPTY;
-        if ray.is_in_world() && world_space.set_world_space(ray.world(), scale) {
+        if ray.is_in_world() && world_space.set_world_space(ray.world(), &WorldSpaceTree::new(scale)) {
             return Some(world_space);
         }
         let (origin, _) = ray.origin_bounded();
@@ -129,27 +146,16 @@ impl TravRay {
 
     /// Prepares a [well-scaled](Ray::is_well_scaled) ray in world space that starts near the tree,
     /// all in f32: the common case. Returns whether it is one.
-    ///
-    /// Scaling such numbers is exact. A reciprocal rounds once, and once more when it is shrunk or
-    /// widened by 2^-22: 2^-23 of that is left, where the difference needs 2^-24.
     #[inline(always)]
-    pub(super) fn set_world_space(&mut self, ray: &Ray, scale: f64) -> bool {
-        let Ray { origin: [x, y, z], direction: [dx, dy, dz], t_min, .. } = *ray;
-        let scale = scale as f32;
-        let origin = F32x4::new([x, y, z, 0.0]) * F32x4::splat(scale);
-        let near_by = F32x4::splat(FAR_AWAY as f32).cmp_ge(origin.abs()) == 0b1111;
-        if !(near_by && WORLD_SPACE_SCALES.contains(&scale) && ray.is_well_scaled()) {
-            return false;
-        }
-        // A direction of -0 counts as upwards, like 0: both have an infinite reciprocal.
-        let direction = (F32x4::new([dx, dy, dz, 1.0]) + F32x4::splat(0.0)) * F32x4::splat(scale);
-        let reciprocal = F32x4::splat(1.0) / direction;
-        self.near_origin = origin.to_array();
+    pub(super) fn set_world_space(&mut self, ray: &Ray, tree: &WorldSpaceTree) -> bool {
+        let Some(in_tree) = WorldSpaceRay::new(BaselineSimd, ray, tree) else { return false };
+        let four = |[x, y, z]: [f32; 3]| [x, y, z, 0.0];
+        self.near_origin = four(in_tree.origin);
         self.far_origin = self.near_origin;
-        self.negated_near_reciprocal = (reciprocal * F32x4::splat(-SHRINK as f32)).to_array();
-        self.negated_far_reciprocal = (reciprocal * F32x4::splat(-WIDEN as f32)).to_array();
-        self.near_side = [dx, dy, dz].map(|component| usize::from(component < 0.0));
-        (self.t_shift, self.t_min, self.shifted_t_min) = (0.0, t_min, t_min + 0.0);
+        self.negated_near_reciprocal = four(in_tree.negated_near_reciprocal);
+        self.negated_far_reciprocal = four(in_tree.negated_far_reciprocal);
+        self.near_side = in_tree.near_side;
+        (self.t_shift, self.t_min, self.shifted_t_min) = (0.0, ray.t_min, ray.t_min + 0.0);
         true
     }
 
@@ -195,10 +201,10 @@ impl TravRay {
     pub(super) fn slabs<E: F32x8Ops>(&self, simd: E) -> Slabs<E> {
         Slabs {
             simd,
-            near_origin: splat_axes(simd, &self.near_origin),
-            far_origin: splat_axes(simd, &self.far_origin),
-            negated_near_reciprocal: splat_axes(simd, &self.negated_near_reciprocal),
-            negated_far_reciprocal: splat_axes(simd, &self.negated_far_reciprocal),
+            near_origin: splat_axes(simd, first_three(&self.near_origin)),
+            far_origin: splat_axes(simd, first_three(&self.far_origin)),
+            negated_near_reciprocal: splat_axes(simd, first_three(&self.negated_near_reciprocal)),
+            negated_far_reciprocal: splat_axes(simd, first_three(&self.negated_far_reciprocal)),
             shifted_t_min: simd.splat(self.shifted_t_min),
             near_side: self.near_side,
         }
@@ -276,8 +282,7 @@ impl TravRay {
     /// `t` has a near bound above it.
     #[inline]
     pub(super) fn limit(&self, t: f32) -> NodeLimit {
-        // An infinite t would let boxes at infinity pass.
-        let t = t.min(f32::MAX);
+        let NodeLimit(t) = NodeLimit::unshifted(t);
         if self.t_shift == 0.0 {
             return NodeLimit(t);
         }
@@ -298,6 +303,25 @@ impl TravRay {
             (self.t_shift + near) * (1.0 - 1.0 / 2_097_152.0)
         };
         if entry > self.t_min { entry } else { self.t_min }
+    }
+}
+
+impl<E: F32x8Ops> Slabs<E> {
+    /// The slabs of a [well-scaled](Ray::is_well_scaled) ray in world space that starts near the
+    /// tree; `None` for any other.
+    #[inline(always)]
+    pub(super) fn in_world(simd: E, ray: &Ray, tree: &WorldSpaceTree) -> Option<Self> {
+        let in_tree = WorldSpaceRay::new(simd, ray, tree)?;
+        let origin = splat_axes(simd, &in_tree.origin);
+        Some(Self {
+            simd,
+            near_origin: origin,
+            far_origin: origin,
+            negated_near_reciprocal: splat_axes(simd, &in_tree.negated_near_reciprocal),
+            negated_far_reciprocal: splat_axes(simd, &in_tree.negated_far_reciprocal),
+            shifted_t_min: simd.splat(ray.t_min + 0.0),
+            near_side: in_tree.near_side,
+        })
     }
 }
 

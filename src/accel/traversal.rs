@@ -7,15 +7,17 @@ use crate::accel::built_blas::BuiltBlas;
 use crate::accel::flags::{GeometryFlags, InstanceFlags};
 use crate::accel::hit::{Candidate, HitPrimitive};
 use crate::accel::hit_queue::HitQueue;
+use crate::accel::instance::TlasInstance;
 use crate::accel::instance_ray::InstanceRay;
 use crate::accel::micromap::is_two_state;
 use crate::accel::node::NodeRef;
 use crate::accel::observer::{InstanceVerdict, PrimitiveVerdict, TraversalObserver};
-use crate::accel::opaque_traversal::OpaqueTraversal;
+use crate::accel::opaque_traversal::{OpaqueInstance, OpaqueTraversal, WorldTraversal};
 use crate::accel::rules::{
     apply_flip_facing, is_culled_by_face, is_culled_by_opacity, is_opaque, is_skipped, is_visible,
+    skips_any,
 };
-use crate::accel::tlas::Tlas;
+use crate::accel::tlas::{InstanceTransform, Tlas};
 use crate::accel::trace_ray::TraceRay;
 use crate::accel::trav_ray::TravRay;
 use crate::accel::traversal_stack::{Stack, StackEntry};
@@ -57,19 +59,26 @@ impl TraversalState {
     /// no shader decides; commits the hit. Returns `false`, and does nothing, for any other.
     #[inline(always)]
     pub(super) fn trace_only_instance(&mut self, hits: &mut HitQueue, trace: &TraceRay, tlas: &Tlas) -> bool {
-        let [instance] = tlas.instances() else { return false };
-        let Some(built) = instance.blas.built_already() else { return false };
-        let (Some(bvh), true) = (built.bvh(), built.tests_whole_leaves(tlas.precision())) else {
-            return false;
-        };
-        let Self { stack, instance_ray, .. } = self;
-        stack.clear();
-        if is_visible(instance.mask, trace.cull_mask)
-            && instance.blas.kind().is_none_or(|kind| !is_skipped(trace.flags, kind))
-            && instance_ray.enter(tlas, 0, Some(bvh), trace, hits.cull_t)
+        let [TlasInstance { blas, mask, .. }] = tlas.instances() else { return false };
+        let Some(built) = blas.built_already() else { return false };
+        let Some(instance) = OpaqueInstance::new(built, trace, tlas, 0) else { return false };
+        if !is_visible(*mask, trace.cull_mask)
+            || is_culled_by_opacity(trace.flags, true)
+            || skips_any(trace.flags) && blas.kind().is_some_and(|kind| is_skipped(trace.flags, kind))
         {
-            tlas.cpu_tier().run(OpaqueTraversal { stack, instance_ray, hits, trace, tlas });
+            return true;
         }
+        let (instance, Self { stack, instance_ray, .. }) = (&instance, self);
+        stack.clear();
+        if matches!(tlas.transform(0), InstanceTransform::Identity)
+            && tlas.cpu_tier().run(WorldTraversal { instance, stack, instance_ray, hits })
+        {
+            return true;
+        }
+        if instance_ray.enter(tlas, 0, Some(instance.bvh()), trace, hits.cull_t) {
+            tlas.cpu_tier().run(OpaqueTraversal { instance, stack, instance_ray, hits });
+        }
+        hits.commit_closest();
         true
     }
 
@@ -193,7 +202,7 @@ impl<V: TraversalObserver, const FULLY_OPAQUE: bool> Traversal<'_, V, FULLY_OPAQ
             // No instance holds anything that can be hit.
             None => return,
             Some((bvh, _)) => {
-                if !world_ray.set_world_space(ray, bvh.scale()) {
+                if !world_ray.set_world_space(ray, bvh.world_space()) {
                     let Some(object_ray) = ObjectRay::in_world(ray) else { return };
                     let trav_ray = TravRay::new(&object_ray, ray.t_max, bvh.bounds(), bvh.scale());
                     let Some(trav_ray) = trav_ray else { return };
@@ -279,9 +288,11 @@ impl<V: TraversalObserver, const FULLY_OPAQUE: bool> Traversal<'_, V, FULLY_OPAQ
                 *part = instance.blas.grow(&mut |node| node.intersect(&slabs, limit).1);
             }
         }
-        if FULLY_OPAQUE && built.tests_whole_leaves(self.tlas.precision()) {
-            let (tlas, trace, hits) = (self.tlas, self.trace, &mut *self.hits);
-            simd.dispatch(OpaqueTraversal { stack, instance_ray, hits, trace, tlas });
+        if FULLY_OPAQUE && let Some(instance) = OpaqueInstance::new(built, self.trace, self.tlas, number) {
+            if !is_culled_by_opacity(self.trace.flags, true) {
+                let (instance, hits) = (&instance, &mut *self.hits);
+                simd.dispatch(OpaqueTraversal { instance, stack, instance_ray, hits });
+            }
             return InstanceVerdict::Entered;
         }
         instance_ray.stack_base = stack.len();
@@ -370,7 +381,7 @@ impl<V: TraversalObserver, const FULLY_OPAQUE: bool> Traversal<'_, V, FULLY_OPAQ
         let maybe_hit = if self.observer.explains_misses() {
             built.full_mask(leaf)
         } else if built.tests_whole_leaves(self.tlas.precision()) {
-            let mut ray = instance_ray.leaf_ray(self.tlas, self.trace);
+            let mut ray = instance_ray.leaf_ray::<false>(self.tlas, self.trace);
             self.leaf_hits = built.intersect_leaf(simd, leaf, &mut ray, self.hits.cull_t);
             self.leaf_hits.maybe_hit_mask() & built.full_mask(leaf)
         } else {

@@ -230,6 +230,7 @@ fn entry(node: &Node, near: &[f32; WIDTH], children: u32) -> StackEntry {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::accel::world_space_ray::WorldSpaceTree;
     use crate::geometry::Ray;
     use crate::math::baseline_simd::BaselineSimd;
 
@@ -241,7 +242,7 @@ mod tests {
         let children: Vec<_> = (0..4).map(|index| (leaf(index), boxes[index])).collect();
         let node = Node::new(&children);
         let mut ray = TravRay::EMPTY;
-        assert!(ray.set_world_space(&Ray::new([0.0; 3], [1.0, 0.0, 0.0]), 1.0));
+        assert!(ray.set_world_space(&Ray::new([0.0; 3], [1.0, 0.0, 0.0]), &WorldSpaceTree::new(1.0)));
         let slabs = ray.slabs(BaselineSimd);
         let limits = |t: f32| F32x8Ops::splat(BaselineSimd, t);
         let mut slots = [StackEntry::default(); WIDTH];

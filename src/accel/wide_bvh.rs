@@ -16,6 +16,7 @@ use crate::accel::binned_sah::{BinnedSahBuilder, BuildRecord, INFINITY_PROXY, Pr
 use crate::accel::geometry_data::bytes_of;
 use crate::accel::node::{Node, NodeRef, WIDTH};
 use crate::accel::trav_ray::{round_down, round_up};
+use crate::accel::world_space_ray::WorldSpaceTree;
 use crate::geometry::Bounds;
 use crate::math::f32x4::F32x4;
 use crate::math::lane_ops::{CpuTier, LaneOps, LaneTask};
@@ -42,6 +43,7 @@ pub(super) struct WideBvh {
     depth: usize,
     bounds: Bounds,
     scale: f64,
+    world_space: WorldSpaceTree,
 }
 
 /// The factor by which a range of leaves is packed into one number: the index of the first leaf
@@ -78,7 +80,8 @@ impl WideBvh {
         let root = build.build_subtree(&mut prim_refs, 0);
         let leaves = build.nodes.iter().map(leaf_range).collect();
         let BvhBuilder { nodes, order, depth, .. } = build;
-        Some((Self { nodes, leaves, root, depth, bounds, scale }, order))
+        let world_space = WorldSpaceTree::new(scale);
+        Some((Self { nodes, leaves, root, depth, bounds, scale, world_space }, order))
     }
 
     /// The inner node that a reference refers to.
@@ -129,6 +132,12 @@ impl WideBvh {
     /// The power of two by which the boxes of the nodes are scaled.
     pub(super) fn scale(&self) -> f64 {
         self.scale
+    }
+
+    /// Which rays in world space it takes in f32.
+    #[inline(always)]
+    pub(super) fn world_space(&self) -> &WorldSpaceTree {
+        &self.world_space
     }
 }
 

@@ -11,6 +11,7 @@ use rustc_hash::FxHashMap;
 use crate::accel::binned_sah::{PrimRef, SahCost};
 use crate::accel::node::{Node, NodeRef};
 use crate::accel::wide_bvh::{BvhBuilder, MAX_SAH_DEPTH, WideBvh, leaf_range, scale_boxes};
+use crate::accel::world_space_ray::WorldSpaceTree;
 
 /// A subtree over at most this many boxes is built as a whole.
 const MAX_WHOLE: usize = 64;
@@ -39,7 +40,9 @@ impl BvhGrowth {
         assert!(prim_refs.len() > cost.max_leaf_size, "bug in anyhit: a BVH of {} grows", prim_refs.len());
         let (bounds, scale) = scale_boxes(&mut prim_refs);
         let root = NodeRef::inner(0);
-        let bvh = WideBvh { nodes: vec![Node::EMPTY], leaves: vec![0], root, depth: 1, bounds, scale };
+        let world_space = WorldSpaceTree::new(scale);
+        let bvh =
+            WideBvh { nodes: vec![Node::EMPTY], leaves: vec![0], root, depth: 1, bounds, scale, world_space };
         let all = Undivided { range: 0..prim_refs.len(), depth: 0 };
         let undivided = FxHashMap::from_iter([(root.index(), all)]);
         (bvh, Self { prim_refs, undivided, builder: BvhBuilder::new(cost, MAX_SAH_DEPTH, true) })
