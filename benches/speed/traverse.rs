@@ -6,24 +6,25 @@ use anyhit::internals::geometry::Ray;
 use crate::scenes::{self, Scene};
 use crate::table::Table;
 
-/// Traces rays by a cursor; returns the number of hits and a description of the work for each ray.
-fn trace(tlas: &Tlas, rays: &[Ray], flags: RayFlags) -> (u64, String) {
-    let query = |ray: &Ray| TraceRay { ray: *ray, flags, cull_mask: 0xFF, time: 0.0 };
-    let mut cursor = Cursor::new(tlas, query(&rays[0]));
+/// Traces rays one by one; returns the number of hits and a description of the work for each ray.
+fn trace(tlas: &Tlas, traces: &[TraceRay]) -> (u64, String) {
+    let any = ends_at_any_hit(traces);
+    let mut cursor = Cursor::new(tlas, traces[0]);
     let mut hits = 0;
-    for ray in rays {
-        cursor.reset(tlas, query(ray));
-        if flags.contains(RayFlags::TERMINATE_ON_FIRST_HIT) {
-            cursor.end_at_any_opaque_hit();
+    if tlas.is_fully_opaque(traces[0].flags) {
+        hits = traces.iter().filter(|trace| cursor.trace_opaque(tlas, trace, any).is_some()).count() as u64;
+    } else {
+        for trace in traces {
+            cursor.reset(tlas, *trace);
+            while cursor.proceed(tlas).is_some() {}
+            hits += u64::from(cursor.committed().is_some());
         }
-        while cursor.proceed(tlas).is_some() {}
-        hits += u64::from(cursor.committed().is_some());
     }
     let mut counters = Counters::default();
-    let sample = rays.iter().step_by(rays.len().div_ceil(2000));
+    let sample = traces.iter().step_by(traces.len().div_ceil(2000));
     let sampled = sample.clone().count() as f64;
-    for ray in sample {
-        cursor.reset(tlas, query(ray));
+    for trace in sample {
+        cursor.reset(tlas, *trace);
         while cursor.proceed_observed(tlas, &mut counters).is_some() {}
     }
     let each = |count: u64| count as f64 / sampled;
@@ -31,24 +32,26 @@ fn trace(tlas: &Tlas, rays: &[Ray], flags: RayFlags) -> (u64, String) {
         "{:.1} nodes, {:.1} tests a ray, {:.0} % hit",
         each(counters.nodes),
         each(counters.primitives),
-        100.0 * hits as f64 / rays.len() as f64
+        100.0 * hits as f64 / traces.len() as f64
     );
     (hits, note)
 }
 
 /// Traces rays in packets of 64.
-fn trace_packets(tlas: &Tlas, rays: &[Ray], flags: RayFlags) -> (u64, String) {
-    let query = |ray: &Ray| TraceRay { ray: *ray, flags, cull_mask: 0xFF, time: 0.0 };
-    let any = flags.contains(RayFlags::TERMINATE_ON_FIRST_HIT);
-    let (mut packet, mut traces, mut found) = (Packet::default(), Vec::new(), Vec::new());
+fn trace_packets(tlas: &Tlas, traces: &[TraceRay]) -> (u64, String) {
+    let any = ends_at_any_hit(traces);
+    let (mut packet, mut found) = (Packet::default(), Vec::new());
     let mut hits = 0;
-    for rays in rays.chunks(64) {
-        traces.clear();
-        traces.extend(rays.iter().map(query));
-        assert!(packet.trace(tlas, &traces, any, &mut found), "no shader decides");
+    for traces in traces.chunks(64) {
+        assert!(packet.trace(tlas, traces, any, &mut found), "no shader decides");
         hits += found.iter().flatten().count() as u64;
     }
-    (hits, format!("{:.0} % hit", 100.0 * hits as f64 / rays.len() as f64))
+    (hits, format!("{:.0} % hit", 100.0 * hits as f64 / traces.len() as f64))
+}
+
+/// Whether any hit ends these rays.
+fn ends_at_any_hit(traces: &[TraceRay]) -> bool {
+    traces[0].flags.contains(RayFlags::TERMINATE_ON_FIRST_HIT)
 }
 
 /// The rays of a picture, those of a tile of 8 x 8 pixels one after the other, as launches have
@@ -132,7 +135,7 @@ fn nowhere(ray: &Ray) -> Ray {
 }
 
 /// A way to trace rays; returns the number of hits and a description.
-type TraceFn = fn(&Tlas, &[Ray], RayFlags) -> (u64, String);
+type TraceFn = fn(&Tlas, &[TraceRay]) -> (u64, String);
 
 /// Measures rays through a structure, one by one: millions a second.
 pub fn measure(table: &Table, name: &str, tlas: &Tlas, rays: &[Ray], flags: RayFlags) -> Option<f64> {
@@ -157,9 +160,11 @@ fn measure_with(
     flags: RayFlags,
     trace: TraceFn,
 ) -> Option<f64> {
+    let operands = |ray: &Ray| TraceRay { ray: *ray, flags, cull_mask: 0xFF, time: 0.0 };
+    let traces: Vec<_> = rays.iter().map(operands).collect();
     let mut hits = 0;
     let rate = table.rate(name, "rays", rays.len() as u64, || {
-        let (found, note) = trace(tlas, rays, flags);
+        let (found, note) = trace(tlas, &traces);
         hits = found;
         note
     });

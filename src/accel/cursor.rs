@@ -194,7 +194,12 @@ impl Cursor {
     /// Traces a ray for which no shader decides ([`Tlas::is_fully_opaque`]) from beginning to end, by
     /// the buffers of this cursor, whose traversal is over then; returns its hit: the closest, or
     /// with `any_opaque_hit` [any](Cursor::end_at_any_opaque_hit).
-    pub fn trace_opaque(&mut self, tlas: &Tlas, trace: &TraceRay, any_opaque_hit: bool) -> Option<&Committed> {
+    pub fn trace_opaque(
+        &mut self,
+        tlas: &Tlas,
+        trace: &TraceRay,
+        any_opaque_hit: bool,
+    ) -> Option<&Committed> {
         self.hits.clear();
         self.hits.cull_t = trace.ray.t_max;
         self.hits.any_opaque_hit_ends = any_opaque_hit;

@@ -7,14 +7,19 @@ use crate::accel::built_blas::{BuiltBlas, GeomPrim, LeafRay, PrimitiveBlocks, Wh
 use crate::accel::flags::InstanceFlags;
 use crate::accel::hit::{Candidate, Committed};
 use crate::accel::hit_queue::HitQueue;
-use crate::accel::instance_ray::InstanceRay;
+use crate::accel::instance::TlasInstance;
+use crate::accel::instance_ray::{InstanceLeafRay, InstanceRay};
 use crate::accel::node::NodeRef;
-use crate::accel::rules::{apply_flip_facing, culls_faces, is_culled_by_face, is_culled_by_opacity};
+use crate::accel::rules::{
+    apply_flip_facing, culls_faces, is_culled_by_face, is_culled_by_opacity, is_skipped, is_visible,
+    skips_any,
+};
 use crate::accel::tlas::Tlas;
 use crate::accel::trace_ray::TraceRay;
 use crate::accel::trav_ray::{NodeLimit, Slabs};
 use crate::accel::traversal_stack::Stack;
 use crate::accel::wide_bvh::WideBvh;
+use crate::accel::world_space_ray::WorldSpaceRay;
 use crate::geometry::{Intersection, Surface};
 use crate::math::f32x8::F32x8Ops;
 use crate::math::lane_ops::{LaneOps, LaneTask};
@@ -62,8 +67,9 @@ impl LaneTask for WorldTraversal<'_> {
     #[inline(always)]
     fn run<E: LaneOps>(self, simd: E) -> bool {
         let Self { instance, stack, instance_ray, hits } = self;
-        let slabs = Slabs::in_world(simd, &instance.trace.ray, instance.bvh.world_space());
-        let Some(slabs) = slabs else { return false };
+        let ray = &instance.trace.ray;
+        let Some(in_tree) = WorldSpaceRay::new(simd, ray, instance.bvh.world_space()) else { return false };
+        let slabs = Slabs::in_world(simd, &in_tree, ray.t_min);
         instance_ray.enter_with_world_slabs(instance.number);
         let found = instance.traverse_tree::<E, true>(slabs, stack, instance_ray, hits);
         if hits.closest_opaque.is_some() {
@@ -78,11 +84,11 @@ impl LaneTask for WorldTraversal<'_> {
     }
 }
 
-/// The closest hit of the instance so far.
-struct Closest {
-    leaf: NodeRef,
-    lane: usize,
-    intersection: Intersection,
+/// The closest hit of the instance so far: the primitive in a lane of a leaf.
+pub(super) struct Closest {
+    pub leaf: NodeRef,
+    pub lane: usize,
+    pub intersection: Intersection,
 }
 
 /// An instance with a tree whose leaves are tested as wholes, and the ray that enters it.
@@ -99,7 +105,12 @@ pub(super) struct OpaqueInstance<'a> {
 impl<'a> OpaqueInstance<'a> {
     /// The instance of a number; `None` for any other.
     #[inline(always)]
-    pub(super) fn new(built: &'a BuiltBlas, trace: &'a TraceRay, tlas: &'a Tlas, number: u32) -> Option<Self> {
+    pub(super) fn new(
+        built: &'a BuiltBlas,
+        trace: &'a TraceRay,
+        tlas: &'a Tlas,
+        number: u32,
+    ) -> Option<Self> {
         let bvh = built.bvh().filter(|_| built.tests_whole_leaves(tlas.precision()))?;
         let flags = tlas.instances()[number as usize].flags;
         Some(Self { built, bvh, trace, tlas, number, flags })
@@ -109,6 +120,31 @@ impl<'a> OpaqueInstance<'a> {
     #[inline(always)]
     pub(super) fn bvh(&self) -> &'a WideBvh {
         self.bvh
+    }
+
+    /// The operands of the trace.
+    #[inline(always)]
+    pub(super) fn trace(&self) -> &'a TraceRay {
+        self.trace
+    }
+
+    /// Whether the masks or the flags of the ray let it pass all of the instance.
+    #[inline(always)]
+    pub(super) fn is_passed_by(&self) -> bool {
+        let TlasInstance { blas, mask, .. } = &self.tlas.instances()[self.number as usize];
+        let flags = self.trace.flags;
+        !is_visible(*mask, self.trace.cull_mask)
+            || is_culled_by_opacity(flags, true)
+            || skips_any(flags) && blas.kind().is_some_and(|kind| is_skipped(flags, kind))
+    }
+
+    /// The ray for tests of leaves, if it is well scaled and the instance stands in world space.
+    #[inline(always)]
+    pub(super) fn leaf_ray<'r>(&self, instance_ray: &'r mut InstanceRay) -> InstanceLeafRay<'r, true>
+    where
+        'a: 'r,
+    {
+        instance_ray.leaf_ray(self.tlas, self.trace)
     }
 
     /// Traverses the tree; returns the closest hit, unless that was added to `hits`.
@@ -232,7 +268,7 @@ impl<'a> OpaqueInstance<'a> {
     /// For the first and the second surface of [`Intersection4`](crate::geometry::Intersection4) a
     /// mask of the primitives that count where they are hit on it: all or none.
     #[inline(always)]
-    fn shown_surfaces(&self) -> [u32; 2] {
+    pub(super) fn shown_surfaces(&self) -> [u32; 2] {
         if !culls_faces(self.trace.flags) {
             return [ALL; 2];
         }
@@ -251,8 +287,14 @@ impl<'a> OpaqueInstance<'a> {
     #[inline(always)]
     fn candidate(&self, &Closest { leaf, lane, intersection: found }: &Closest) -> Candidate {
         let GeomPrim { geometry, primitive } = self.built.geom_prim(leaf, lane);
-        let intersection = Intersection { surface: apply_flip_facing(found.surface, self.flags), ..found };
+        let intersection = self.flipped(found);
         Candidate { instance: self.number, geometry, primitive, intersection, opaque: true }
+    }
+
+    /// An intersection with the surface as the flags of the instance turn it.
+    #[inline(always)]
+    pub(super) fn flipped(&self, found: Intersection) -> Intersection {
+        Intersection { surface: apply_flip_facing(found.surface, self.flags), ..found }
     }
 
     /// Tests primitives of a leaf that the filter does not decide, or that are hit as far away as

@@ -15,9 +15,11 @@
 
 mod ray_soa;
 mod traversal;
+mod turns;
 
 use ray_soa::{PerRay, RaySoA, WorldRays};
 use traversal::PacketTraversal;
+use turns::{Turns, WAYS};
 
 use crate::accel::built_blas::GeomPrim;
 use crate::accel::cursor::Cursor;
@@ -28,6 +30,7 @@ use crate::accel::node::{NodeRef, WIDTH};
 use crate::accel::rules::is_opaque;
 use crate::accel::tlas::Tlas;
 use crate::accel::trace_ray::TraceRay;
+use crate::accel::traversal_stack::Stack;
 use crate::geometry::{Intersection, Surface};
 
 /// The largest number of rays in a packet.
@@ -71,6 +74,8 @@ pub struct Packet {
     /// The cursor for rays that are traced singly.
     cursor: Cursor,
     instance_rays: Vec<InstanceRay>,
+    /// The stacks of rays that take turns.
+    turn_stacks: [Stack; WAYS],
     rays: WorldRays,
     world_soa: RaySoA,
     instance_soa: RaySoA,
@@ -161,6 +166,7 @@ impl Default for Packet {
         Self {
             cursor: Cursor::empty(),
             instance_rays: vec![InstanceRay::EMPTY; MAX_RAYS],
+            turn_stacks: [const { Stack::EMPTY }; WAYS],
             rays: WorldRays::EMPTY,
             world_soa: RaySoA::EMPTY,
             instance_soa: RaySoA::EMPTY,
@@ -197,13 +203,17 @@ impl Packet {
         hits.reserve(traces.len());
         self.traced_together = 0;
         for traces in traces.chunks(MAX_RAYS) {
-            let single_ray_mask = if self.is_worthwhile(tlas, traces) {
-                self.trace_together(tlas, traces, &[], traces.len(), any_opaque_hit)
+            let all = u64::MAX >> (MAX_RAYS - traces.len());
+            let mut single_ray_mask = if self.is_worthwhile(tlas, traces) {
+                self.trace_together(tlas, traces, &[], traces.len(), any_opaque_hit) & all
             } else {
-                u64::MAX
+                all
             };
-            self.traced_together += traces.len() as u32
-                - (single_ray_mask & (u64::MAX >> (MAX_RAYS - traces.len()))).count_ones();
+            self.traced_together += (all & !single_ray_mask).count_ones();
+            if single_ray_mask.count_ones() > 1 && turns::pays(tlas) {
+                let turns = Turns { packet: self, tlas, traces, rays: single_ray_mask, any_opaque_hit };
+                single_ray_mask = tlas.cpu_tier().run(turns);
+            }
             for (at, trace) in traces.iter().enumerate() {
                 hits.push(if single_ray_mask >> at & 1 == 0 {
                     self.committed(tlas, at)

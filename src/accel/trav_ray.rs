@@ -27,7 +27,7 @@
 
 use std::ops::RangeInclusive;
 
-use crate::accel::world_space_ray::{WorldSpaceRay, WorldSpaceTree};
+use crate::accel::world_space_ray::{FAR_AWAY, SHRINK, WIDEN, WorldSpaceRay, WorldSpaceTree};
 use crate::geometry::{ApproximateRay, Bounds, ObjectRay, Ray};
 use crate::math::baseline_simd::BaselineSimd;
 use crate::math::f32x4::{F32x4, LANES};
@@ -83,17 +83,8 @@ pub(super) struct Slabs<E: F32x8Ops> {
     pub(super) near_side: [usize; 3],
 }
 
-/// A ray starts far away if a scaled component of its origin is greater than this.
-pub(super) const FAR_AWAY: f64 = 64.0;
-
-/// The scales of trees that [world-space](TravRay::set_world_space) and
-/// [approximate](TravRay::set_approximate) rays support.
-pub(super) const WORLD_SPACE_SCALES: RangeInclusive<f32> = 1.0 / (1u64 << 60) as f32..=(1u64 << 60) as f32;
+/// The scales of trees that [approximate](TravRay::set_approximate) rays support.
 pub(super) const APPROXIMATE_SCALES: RangeInclusive<f32> = 1.0 / (1u64 << 20) as f32..=(1u64 << 20) as f32;
-
-/// The slack of a reciprocal, 2^-22 downwards and upwards.
-pub(super) const SHRINK: f64 = 1.0 - 1.0 / 4_194_304.0;
-pub(super) const WIDEN: f64 = 1.0 + 1.0 / 4_194_304.0;
 
 impl NodeLimit {
     /// The limit of a ray whose t is not shifted.
@@ -307,21 +298,19 @@ impl TravRay {
 }
 
 impl<E: F32x8Ops> Slabs<E> {
-    /// The slabs of a [well-scaled](Ray::is_well_scaled) ray in world space that starts near the
-    /// tree; `None` for any other.
+    /// The slabs of a ray in world space with a `t_min`.
     #[inline(always)]
-    pub(super) fn in_world(simd: E, ray: &Ray, tree: &WorldSpaceTree) -> Option<Self> {
-        let in_tree = WorldSpaceRay::new(simd, ray, tree)?;
+    pub(super) fn in_world(simd: E, in_tree: &WorldSpaceRay, t_min: f32) -> Self {
         let origin = splat_axes(simd, &in_tree.origin);
-        Some(Self {
+        Self {
             simd,
             near_origin: origin,
             far_origin: origin,
             negated_near_reciprocal: splat_axes(simd, &in_tree.negated_near_reciprocal),
             negated_far_reciprocal: splat_axes(simd, &in_tree.negated_far_reciprocal),
-            shifted_t_min: simd.splat(ray.t_min + 0.0),
+            shifted_t_min: simd.splat(t_min + 0.0),
             near_side: in_tree.near_side,
-        })
+        }
     }
 }
 

@@ -7,7 +7,6 @@ use crate::accel::built_blas::BuiltBlas;
 use crate::accel::flags::{GeometryFlags, InstanceFlags};
 use crate::accel::hit::{Candidate, HitPrimitive};
 use crate::accel::hit_queue::HitQueue;
-use crate::accel::instance::TlasInstance;
 use crate::accel::instance_ray::InstanceRay;
 use crate::accel::micromap::is_two_state;
 use crate::accel::node::NodeRef;
@@ -15,7 +14,6 @@ use crate::accel::observer::{InstanceVerdict, PrimitiveVerdict, TraversalObserve
 use crate::accel::opaque_traversal::{OpaqueInstance, OpaqueTraversal, WorldTraversal};
 use crate::accel::rules::{
     apply_flip_facing, is_culled_by_face, is_culled_by_opacity, is_opaque, is_skipped, is_visible,
-    skips_any,
 };
 use crate::accel::tlas::{InstanceTransform, Tlas};
 use crate::accel::trace_ray::TraceRay;
@@ -59,13 +57,10 @@ impl TraversalState {
     /// no shader decides; commits the hit. Returns `false`, and does nothing, for any other.
     #[inline(always)]
     pub(super) fn trace_only_instance(&mut self, hits: &mut HitQueue, trace: &TraceRay, tlas: &Tlas) -> bool {
-        let [TlasInstance { blas, mask, .. }] = tlas.instances() else { return false };
-        let Some(built) = blas.built_already() else { return false };
+        let [instance] = tlas.instances() else { return false };
+        let Some(built) = instance.blas.built_already() else { return false };
         let Some(instance) = OpaqueInstance::new(built, trace, tlas, 0) else { return false };
-        if !is_visible(*mask, trace.cull_mask)
-            || is_culled_by_opacity(trace.flags, true)
-            || skips_any(trace.flags) && blas.kind().is_some_and(|kind| is_skipped(trace.flags, kind))
-        {
+        if instance.is_passed_by() {
             return true;
         }
         let (instance, Self { stack, instance_ray, .. }) = (&instance, self);

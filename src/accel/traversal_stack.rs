@@ -145,6 +145,12 @@ pub(super) struct TreeStack<'a> {
 }
 
 impl TreeStack<'_> {
+    /// Removes all entries.
+    #[inline(always)]
+    pub(super) fn clear(&mut self) {
+        self.len = 0;
+    }
+
     /// As [`Stack::push_children`], with the limit in all lanes; returns also whether there are
     /// others.
     #[inline(always)]

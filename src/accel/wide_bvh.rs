@@ -119,6 +119,12 @@ impl WideBvh {
         bytes_of(&self.nodes) + bytes_of(&self.leaves)
     }
 
+    /// The number of inner nodes.
+    #[inline(always)]
+    pub(super) fn node_count(&self) -> usize {
+        self.nodes.len()
+    }
+
     /// The number of nodes on the longest path from the root to a leaf.
     pub(super) fn depth(&self) -> usize {
         self.depth

@@ -1,8 +1,19 @@
 //! Rays in world space as the nodes of a tree take them, all in f32: the common case.
 
-use crate::accel::trav_ray::{FAR_AWAY, SHRINK, WIDEN, WORLD_SPACE_SCALES};
+use std::ops::RangeInclusive;
+
 use crate::geometry::Ray;
 use crate::math::f32x8::F32x8Ops;
+
+/// A ray starts far away if a scaled component of its origin is greater than this.
+pub(super) const FAR_AWAY: f64 = 64.0;
+
+/// The scales of trees that take rays in world space in f32.
+pub(super) const WORLD_SPACE_SCALES: RangeInclusive<f32> = 1.0 / (1u64 << 60) as f32..=(1u64 << 60) as f32;
+
+/// The slack of a reciprocal, 2^-22 downwards and upwards.
+pub(super) const SHRINK: f64 = 1.0 - 1.0 / 4_194_304.0;
+pub(super) const WIDEN: f64 = 1.0 + 1.0 / 4_194_304.0;
 
 /// The numbers of a ray: its origin, its direction, and its interval.
 const NUMBERS: usize = 8;

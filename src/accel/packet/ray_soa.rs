@@ -3,7 +3,8 @@
 use crate::accel::node::Node;
 use crate::accel::packet::MAX_RAYS;
 use crate::accel::trace_ray::TraceRay;
-use crate::accel::trav_ray::{APPROXIMATE_SCALES, FAR_AWAY, SHRINK, TravRay, WIDEN, WORLD_SPACE_SCALES};
+use crate::accel::trav_ray::{APPROXIMATE_SCALES, TravRay};
+use crate::accel::world_space_ray::{FAR_AWAY, SHRINK, WIDEN, WORLD_SPACE_SCALES};
 use crate::geometry::{APPROXIMATE_ERROR, APPROXIMATE_UNDERFLOW, Ray, Transform};
 use crate::math::f32x8::F32x8Ops;
 

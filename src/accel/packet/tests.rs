@@ -6,8 +6,8 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::accel::{
-    Blas, EndCaps, Geometry, GeometryData, GeometryFlags, Indexing, InstanceFlags, LookAhead, RayFlags,
-    TlasInstance,
+    Blas, Counters, EndCaps, Geometry, GeometryData, GeometryFlags, Indexing, InstanceFlags, LookAhead,
+    RayFlags, TlasInstance,
 };
 use crate::geometry::Ray;
 use crate::math::baseline_simd::BaselineSimd;
@@ -143,6 +143,87 @@ proptest! {
     ) {
         let trace = |ray: &Ray| TraceRay { ray: *ray, flags: RayFlags(flags), cull_mask: 0xFF, time: 0.0 };
         check(&tlas, &rays.iter().map(trace).collect::<Vec<_>>());
+    }
+}
+
+/// The hit that the traversal finds which reports its steps: it takes no short way.
+fn traced_observed(tlas: &Tlas, trace: &TraceRay) -> Option<Committed> {
+    let mut cursor = Cursor::new(tlas, *trace);
+    assert!(cursor.proceed_observed(tlas, &mut Counters::default()).is_none(), "no shader decides");
+    cursor.committed().copied()
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(1500))]
+    #[test]
+    fn a_ray_alone_and_rays_that_take_turns_find_what_an_observed_one_finds(
+        data in prop::collection::vec(data(), 1..3),
+        instance_flags in prop::sample::select(vec![0, 0, 1, 2, 3]).prop_map(InstanceFlags),
+        rays in rays(),
+        flags in prop::collection::vec(prop::sample::select(vec![0, 0, 0, 16, 32, 64, 256]), 64),
+        cull_mask in prop::sample::select(vec![0xFF, 0xFF, 0xFF, 0x01, 0xFE]),
+    ) {
+        let kind = data[0].kind();
+        let geometries = data.into_iter().filter(|data| data.kind() == kind);
+        let blas = Blas::new(geometries.map(|data| Geometry::new(data, GeometryFlags::OPAQUE)).collect());
+        let instance = TlasInstance::of(blas.expect("valid numbers"), IDENTITY);
+        let tlas = Tlas::new(vec![TlasInstance { flags: instance_flags, mask: 0x01, ..instance }]);
+        let tlas = tlas.expect("a valid instance");
+        let trace = |(ray, flags): (&Ray, &u32)| {
+            TraceRay { ray: *ray, flags: RayFlags(*flags), cull_mask, time: 0.0 }
+        };
+        let traces: Vec<_> = rays.iter().zip(&flags).map(trace).collect();
+        let wanted: Vec<_> = traces.iter().map(|trace| traced_observed(&tlas, trace)).collect();
+        let mut cursor = Cursor::empty();
+        for (trace, wanted) in traces.iter().zip(&wanted) {
+            prop_assert_eq!(cursor.trace_opaque(&tlas, trace, false), wanted.as_ref());
+            prop_assert_eq!(cursor.trace_opaque(&tlas, trace, true).is_some(), wanted.is_some());
+        }
+        let rays = u64::MAX >> (MAX_RAYS - traces.len());
+        for (any_opaque_hit, baseline) in [(false, false), (false, true), (true, false)] {
+            let mut packet = Packet::default();
+            let turns = Turns { packet: &mut packet, tlas: &tlas, traces: &traces, rays, any_opaque_hit };
+            let left = if baseline { BaselineSimd.dispatch(turns) } else { tlas.cpu_tier().run(turns) };
+            for (at, wanted) in wanted.iter().enumerate().filter(|(at, _)| left >> at & 1 == 0) {
+                let found = packet.committed(&tlas, at);
+                if any_opaque_hit {
+                    prop_assert_eq!(found.is_some(), wanted.is_some());
+                } else {
+                    prop_assert_eq!(found, *wanted, "ray {}", at);
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn rays_take_turns_in_a_large_tree_of_one_instance() {
+    let sphere = |k: u32| [(k % 200) as f32, (k / 200 % 200) as f32, (k / 40_000) as f32];
+    let positions: Vec<_> = (0..120_000).map(sphere).collect();
+    let radii = vec![0.25; positions.len()];
+    let geometry = GeometryData::Spheres { positions, radii, indices: None };
+    let blas = Blas::new(vec![Geometry::new(geometry, GeometryFlags::OPAQUE)]).expect("valid numbers");
+    let tlas = Tlas::new(vec![TlasInstance::of(blas.clone(), IDENTITY)]).expect("a valid instance");
+    assert!(!turns::pays(&tlas), "nothing is built");
+    // Rays down the columns of three spheres, from above and from below by turns.
+    let columns = (0..64u32).map(|k| [(k * 37 % 200) as f32, (k * 53 % 200) as f32]);
+    let rays = columns.enumerate().map(|(k, [x, y])| {
+        if k % 2 == 0 {
+            Ray::new([x, y, 9.0], [0.0, 0.0, -1.0])
+        } else {
+            Ray::new([x, y, -9.0], [0.0, 0.0, 1.0])
+        }
+    });
+    let trace = |ray| TraceRay { ray, flags: RayFlags::default(), cull_mask: 0xFF, time: 0.0 };
+    let traces: Vec<_> = rays.map(trace).collect();
+    let mut hits = Vec::new();
+    for built in [false, true] {
+        assert!(Packet::default().trace(&tlas, &traces, false, &mut hits));
+        // The spheres end at z = 2.25 and begin at z = -0.25.
+        let wanted = (0..64).map(|k| Some(if k % 2 == 0 { 6.75 } else { 8.75 }));
+        assert!(hits.iter().map(|hit| hit.map(|hit| hit.t)).eq(wanted), "{built}");
+        blas.built();
+        assert!(turns::pays(&tlas));
     }
 }
 
