@@ -393,6 +393,24 @@ fn min_or_max<E: F32x8Ops, const MAX: bool>(simd: E, numbers: E::F32x8) -> f32 {
 
 /// The groups of eight that hold one of the given rays.
 #[inline(always)]
-fn groups_of_eight(rays: u64) -> impl Iterator<Item = usize> {
-    (0..MAX_RAYS / RAYS_PER_REGISTER).filter(move |at| rays >> (at * RAYS_PER_REGISTER) & 0xFF != 0)
+fn groups_of_eight(rays: u64) -> GroupsOfEight {
+    // The highest bit of each byte that is not 0: the sum carries into it, or it is set itself.
+    let low = u64::from_ne_bytes([0x7F; 8]);
+    GroupsOfEight { marks: ((rays & low) + low | rays) & !low }
+}
+
+/// What is left of [`groups_of_eight`]: a bit in the byte of each.
+struct GroupsOfEight {
+    marks: u64,
+}
+
+impl Iterator for GroupsOfEight {
+    type Item = usize;
+
+    #[inline(always)]
+    fn next(&mut self) -> Option<usize> {
+        let at = self.marks.trailing_zeros() as usize / RAYS_PER_REGISTER;
+        self.marks &= self.marks.wrapping_sub(1);
+        (at < MAX_RAYS / RAYS_PER_REGISTER).then_some(at)
+    }
 }
