@@ -259,11 +259,17 @@ pub(super) struct InstanceLeafRay<'a, const WELL_SCALED: bool> {
 impl<const WELL_SCALED: bool> LeafRay for InstanceLeafRay<'_, WELL_SCALED> {
     #[inline(always)]
     fn double_ray<D: F64x4Ops>(&mut self, simd: D) -> DoubleRay<D> {
-        if WELL_SCALED || self.instance_ray.is_well_scaled {
-            DoubleRay::in_world(simd, &self.trace.ray)
-        } else {
-            DoubleRay::of(simd, self.object_ray())
+        let InstanceRay { instance, is_well_scaled, ray_space, .. } = *self.instance_ray;
+        if WELL_SCALED || is_well_scaled {
+            return DoubleRay::in_world(simd, &self.trace.ray);
         }
+        if ray_space == RaySpace::Approximate
+            && let InstanceTransform::Static(transform) = self.tlas.transform(instance)
+            && let Some(ray) = DoubleRay::in_instance(simd, &self.trace.ray, transform)
+        {
+            return ray;
+        }
+        DoubleRay::of(simd, self.object_ray())
     }
 
     #[inline(always)]

@@ -22,6 +22,7 @@ pub mod block;
 mod bounded_ray;
 mod bounds;
 mod closest_approach;
+mod double_ray;
 mod intersection4;
 pub mod linear_swept_sphere;
 mod object_ray;
@@ -31,10 +32,10 @@ pub mod triangle;
 mod verdict;
 
 pub use bounds::Bounds;
+pub use double_ray::DoubleRay;
 pub use intersection4::Intersection4;
 pub use object_ray::{
-    APPROXIMATE_ERROR, APPROXIMATE_UNDERFLOW, ApproximateRay, DoubleRay, ObjectRay, Transform,
-    world_to_object,
+    APPROXIMATE_ERROR, APPROXIMATE_UNDERFLOW, ApproximateRay, ObjectRay, Transform, world_to_object,
 };
 pub use ray::{Intersection, Ray, Surface};
 pub use verdict::Verdict;

@@ -31,11 +31,10 @@ use crate::geometry::approach_terms::ClosestApproachTerms;
 use crate::geometry::bounded_ray::BoundedRay;
 use crate::math::exact::{self, Dyadic, Vector};
 use crate::math::f32x4::F32x4;
-use crate::math::f64x4::F64x4Ops;
 use crate::math::real::{Real, norm1};
 use crate::math::surd::Surd;
 
-const UNIT: f64 = f64::EPSILON / 2.0;
+pub(super) const UNIT: f64 = f64::EPSILON / 2.0;
 
 /// 2^130 and 2^-150: the greatest 1-norms of a ray's origin and direction, and the least of a
 /// direction, that the intersectors' bounds assume.
@@ -43,19 +42,19 @@ const MAX_NORM: f64 = (1u128 << 65) as f64 * (1u128 << 65) as f64;
 const MIN_DIRECTION_NORM: f64 = 1.0 / ((1u128 << 75) as f64 * (1u128 << 75) as f64);
 
 /// The greatest relative error of a direction that they assume: 2^-10.
-const MAX_DIRECTION_ERROR: f64 = 1.0 / 1024.0;
+pub(super) const MAX_DIRECTION_ERROR: f64 = 1.0 / 1024.0;
 
 /// An instance's object-to-world transform, inverted once for all its rays.
 #[derive(Clone, Copy, Debug)]
 pub struct Transform {
     matrix: [[f32; 4]; 3],
-    /// The inverse of the linear part.
-    inverse: [[f64; 3]; 3],
+    /// The columns of the inverse of the linear part; the fourth components are 0.
+    pub(super) inverse: [[f64; 4]; 3],
     /// Relative error of each of its entries; infinite where only exact arithmetic will do.
-    inverse_error: f64,
+    pub(super) inverse_error: f64,
     /// Whether it only moves, swaps axes, and scales each by a power of two: then nothing is
     /// rounded but the sum with the translation, and that seldom.
-    is_exact: bool,
+    pub(super) is_exact: bool,
     /// The inverse in f32, if its entries are in range.
     approximate: Option<ApproximateInverse>,
 }
@@ -90,6 +89,7 @@ impl Transform {
         let inverse = adjugate.map(|row| row.map(|x| x / determinant));
         let inverse_error = if sure { 6.0 * UNIT + 2.0 * error } else { f64::INFINITY };
         let approximate = ApproximateInverse::new(m, &inverse).filter(|_| inverse_error <= 2f64.powi(-30));
+        let inverse = [0, 1, 2].map(|k| [inverse[0][k], inverse[1][k], inverse[2][k], 0.0]);
         Some(Self { matrix: *m, inverse, inverse_error, is_exact: is_monomial(m), approximate })
     }
 
@@ -148,15 +148,25 @@ impl Transform {
             .map(|approximate| (approximate.columns.map(three), three(approximate.translation)))
     }
 
+    /// The terms of each component of `A^-1 v`.
+    #[inline(always)]
+    fn inverse_terms(&self, [x, y, z]: [f64; 3]) -> [[f64; 3]; 3] {
+        let [cx, cy, cz] = &self.inverse;
+        [0, 1, 2].map(|k| [cx[k] * x, cy[k] * y, cz[k] * z])
+    }
+
+    /// The translation, which the inverse in f32 applies first, if there is such an inverse.
+    #[inline(always)]
+    pub(super) fn approximate_translation(&self) -> Option<&[f32; 4]> {
+        self.approximate.as_ref().map(|approximate| &approximate.translation)
+    }
+
     /// `A^-1 v`. The bound of an inexact transform includes the error of v.
     fn apply(&self, v: BoundedVector) -> BoundedVector {
-        let [x, y, z] = v.value;
-        let terms = self.inverse.map(|row| [row[0] * x, row[1] * y, row[2] * z]);
+        let terms = self.inverse_terms(v.value);
         let value = terms.map(|[x, y, z]| x + y + z);
         if self.is_exact {
-            let [ex, ey, ez] = v.error;
-            let error = self.inverse.map(|row| norm1([row[0] * ex, row[1] * ey, row[2] * ez]));
-            return BoundedVector { value, error };
+            return BoundedVector { value, error: self.inverse_terms(v.error).map(norm1) };
         }
         let error = self.inverse_error + 8.0 * UNIT;
         BoundedVector { value, error: terms.map(|row| error * norm1(row)) }
@@ -519,57 +529,6 @@ impl ObjectRay {
         let inside = t.compare_f32(self.world.t_min) == Ordering::Greater
             && t.compare_f32(self.world.t_max) == Ordering::Less;
         inside.then(|| t.to_f32()).filter(|t| t.is_finite())
-    }
-}
-
-/// A ray in f64 with bounds of its errors, for tests that operate on four numbers at once.
-#[derive(Clone, Copy, Debug)]
-pub struct DoubleRay<D: F64x4Ops> {
-    /// (x, y, z, 0), and so the direction.
-    pub(super) origin: D::F64x4,
-    pub(super) direction: D::F64x4,
-    /// As [`BoundedRay`] has them, in all lanes.
-    pub(super) origin_error: D::F64x4,
-    pub(super) relative_error: D::F64x4,
-    pub(super) direction_norm: D::F64x4,
-    pub(super) t_min: f32,
-    pub(super) t_max: f32,
-}
-
-impl<D: F64x4Ops> DoubleRay<D> {
-    /// The ray as an instance's primitives see it.
-    #[inline(always)]
-    pub fn of(simd: D, ray: &ObjectRay) -> Self {
-        let BoundedRay { origin, direction, origin_error, relative_error, direction_norm, .. } =
-            ray.bounded::<f64>();
-        let three = |[x, y, z]: [f64; 3]| simd.load_f64([x, y, z, 0.0]);
-        Self {
-            origin: three(origin),
-            direction: three(direction),
-            origin_error: simd.splat(origin_error),
-            relative_error: simd.splat(relative_error),
-            direction_norm: simd.splat(direction_norm),
-            t_min: ray.t_min(),
-            t_max: ray.t_max(),
-        }
-    }
-
-    /// A finite ray in world space.
-    #[inline(always)]
-    pub fn in_world(simd: D, ray: &Ray) -> Self {
-        // Each is loaded together with the number that follows it, as that is one load.
-        let numbers: &[f32; 8] = bytemuck::cast_ref(ray);
-        let three = |four: Option<&[f32; 4]>| simd.xyz0(simd.load_f32(four.expect("four of eight")));
-        let (origin, direction) = (three(numbers.first_chunk()), three(numbers[3..].first_chunk()));
-        Self {
-            origin,
-            direction,
-            origin_error: simd.splat(0.0),
-            relative_error: simd.splat(12.0 * UNIT),
-            direction_norm: simd.reduce_sum(simd.abs(direction)),
-            t_min: ray.t_min,
-            t_max: ray.t_max,
-        }
     }
 }
 

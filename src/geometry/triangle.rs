@@ -35,7 +35,8 @@
 mod four;
 mod one;
 
-use crate::geometry::object_ray::{DoubleRay, ObjectRay};
+use crate::geometry::double_ray::DoubleRay;
+use crate::geometry::object_ray::ObjectRay;
 use crate::geometry::verdict::Verdict;
 use crate::geometry::{Bounds, Intersection, Precision, Surface};
 use crate::math::baseline_simd::BaselineSimd;

@@ -270,11 +270,7 @@ impl PacketTraversal<'_> {
         };
         self.leave_to_single_rays(rays & !prepared);
         self.packet.stale = prepared;
-        let context = InstanceContext {
-            instance: number,
-            built,
-            in_world: matches!(instance_transform, InstanceTransform::Identity),
-        };
+        let context = InstanceContext { instance: number, built };
         let Some(bvh) = built.bvh().filter(|bvh| !bvh.root().is_leaf()) else {
             for leaf in built.leaves() {
                 simd.dispatch(LeafTask { traversal: self, context: &context, leaf, rays: prepared });
@@ -401,11 +397,17 @@ struct PacketLeafRay<'a, 'b, 'c> {
 impl LeafRay for PacketLeafRay<'_, '_, '_> {
     #[inline(always)]
     fn double_ray<D: F64x4Ops>(&mut self, simd: D) -> DoubleRay<D> {
-        if self.context.in_world {
-            DoubleRay::in_world(simd, &self.traversal.traces[self.at].ray)
-        } else {
-            DoubleRay::of(simd, self.object_ray())
+        let ray = &self.traversal.traces[self.at].ray;
+        match self.traversal.tlas.transform(self.context.instance) {
+            InstanceTransform::Identity => return DoubleRay::in_world(simd, ray),
+            InstanceTransform::Static(transform) => {
+                if let Some(ray) = DoubleRay::in_instance(simd, ray, transform) {
+                    return ray;
+                }
+            }
+            InstanceTransform::Moving => {}
         }
+        DoubleRay::of(simd, self.object_ray())
     }
 
     #[inline(always)]
@@ -419,8 +421,6 @@ impl LeafRay for PacketLeafRay<'_, '_, '_> {
 struct InstanceContext<'a> {
     instance: u32,
     built: &'a BuiltBlas,
-    /// Whether its object space is world space.
-    in_world: bool,
 }
 
 /// What the leaves of a tree hold: instances or primitives.

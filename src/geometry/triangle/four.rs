@@ -2,8 +2,8 @@
 //! lane by lane. A product that goes into a sum unrounded is off by less than the bounds allow.
 
 use crate::geometry::Surface;
+use crate::geometry::double_ray::DoubleRay;
 use crate::geometry::intersection4::{ALL, Divisor4, Intersection4};
-use crate::geometry::object_ray::DoubleRay;
 use crate::math::error_bound::two_units;
 use crate::math::f32x4::F32x4;
 use crate::math::f64x4::F64x4Ops;

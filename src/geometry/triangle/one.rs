@@ -19,8 +19,8 @@
 //! always do, the branch is predicted well, and code that uses t does not wait for the bounds.
 
 use crate::geometry::Intersection;
+use crate::geometry::double_ray::DoubleRay;
 use crate::geometry::intersection4::{ALL, Divisor4};
-use crate::geometry::object_ray::DoubleRay;
 use crate::geometry::triangle::facing;
 use crate::geometry::verdict::Verdict;
 use crate::math::f32x4::F32x4;
