@@ -84,6 +84,13 @@ impl LaneTask for WorldTraversal<'_> {
     }
 }
 
+/// What a traversal has found so far.
+pub(super) struct Found {
+    /// No hit behind it matters; a rounded t.
+    pub cull_t: f32,
+    pub closest: Option<Closest>,
+}
+
 /// The closest hit of the instance so far: the primitive in a lane of a leaf.
 pub(super) struct Closest {
     pub leaf: NodeRef,
@@ -183,9 +190,8 @@ impl<'a> OpaqueInstance<'a> {
         };
         let shown = self.shown_surfaces();
         let mut stack = stack.room_for(bvh);
-        let mut cull_t = hits.cull_t;
-        let mut limit = limit_at(instance_ray, cull_t);
-        let mut closest: Option<Closest> = None;
+        let mut found = Found { cull_t: hits.cull_t, closest: None };
+        let mut limit = limit_at(instance_ray, found.cull_t);
         let mut next = Some(bvh.root());
         while let Some(mut child) = next {
             // Descend to the nearest leaf; farther children wait on the stack.
@@ -210,30 +216,29 @@ impl<'a> OpaqueInstance<'a> {
                 continue;
             }
             let mut ray = instance_ray.leaf_ray::<WELL_SCALED>(tlas, trace);
-            let (has_hits, undecided) =
-                self.test_leaf(simd, blocks, child, &mut ray, shown, &mut cull_t, &mut closest);
+            let (has_hits, undecided) = self.test_leaf(simd, blocks, child, &mut ray, shown, &mut found);
             if !has_hits && undecided == 0 {
                 next = stack.pop(limit);
                 continue;
             }
             if undecided != 0 {
-                if let Some(found) = closest.take() {
-                    hits.add_opaque(self.candidate(&found));
+                if let Some(closest) = found.closest.take() {
+                    hits.add_opaque(self.candidate(&closest));
                 }
                 self.decide(hits, instance_ray, child, undecided);
-                cull_t = hits.cull_t;
+                found.cull_t = hits.cull_t;
             }
-            if hits.any_opaque_hit_ends && (closest.is_some() || hits.closest_opaque.is_some()) {
+            if hits.any_opaque_hit_ends && (found.closest.is_some() || hits.closest_opaque.is_some()) {
                 break;
             }
-            limit = limit_at(instance_ray, cull_t);
+            limit = limit_at(instance_ray, found.cull_t);
             next = stack.pop(limit);
         }
-        closest
+        found.closest
     }
 
-    /// Tests the primitives of a leaf, and takes over the closest hit before `cull_t`, which falls to
-    /// it. Returns whether there were any, and a mask of the primitives that exact arithmetic or the
+    /// Tests the primitives of a leaf, and takes over the closest hit, to which `cull_t` falls.
+    /// Returns whether there were any, and a mask of the primitives that exact arithmetic or the
     /// order of hits has to decide about.
     #[inline(always)]
     pub(super) fn test_leaf<E: LaneOps, B: WholeBlock>(
@@ -243,22 +248,21 @@ impl<'a> OpaqueInstance<'a> {
         leaf: NodeRef,
         ray: &mut impl LeafRay,
         shown: [u32; 2],
-        cull_t: &mut f32,
-        closest: &mut Option<Closest>,
+        found: &mut Found,
     ) -> (bool, u32) {
         self.built.prefetch_geom_prims(leaf);
-        let found = blocks[leaf.index()].intersect_all(simd, ray, *cull_t);
+        let tested = blocks[leaf.index()].intersect_all(simd, ray, found.cull_t);
         let filled = self.built.full_mask(leaf);
-        let (mut hit, mut undecided) = (found.hits_on(shown) & filled, found.undecided() & filled);
+        let (mut hit, mut undecided) = (tested.hits_on(shown) & filled, tested.undecided() & filled);
         let has_hits = hit != 0;
         while hit != 0 {
             let lane = hit.trailing_zeros() as usize;
             hit &= hit - 1;
-            let intersection = found.intersection(lane);
-            if intersection.t < *cull_t {
-                *cull_t = intersection.t;
-                *closest = Some(Closest { leaf, lane, intersection });
-            } else if intersection.t == *cull_t {
+            let intersection = tested.intersection(lane);
+            if intersection.t < found.cull_t {
+                found.cull_t = intersection.t;
+                found.closest = Some(Closest { leaf, lane, intersection });
+            } else if intersection.t == found.cull_t {
                 undecided |= 1 << lane;
             }
         }

@@ -21,6 +21,7 @@ const MAX_LINEAR_INSTANCES: usize = 4;
 
 /// The transform of an instance from world space to its object space.
 #[derive(Debug)]
+#[allow(clippy::large_enum_variant, reason = "a ray that enters an instance would wait for a box")]
 pub(super) enum InstanceTransform {
     /// The identity: object space is world space.
     Identity,

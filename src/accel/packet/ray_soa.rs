@@ -396,7 +396,7 @@ fn min_or_max<E: F32x8Ops, const MAX: bool>(simd: E, numbers: E::F32x8) -> f32 {
 fn groups_of_eight(rays: u64) -> GroupsOfEight {
     // The highest bit of each byte that is not 0: the sum carries into it, or it is set itself.
     let low = u64::from_ne_bytes([0x7F; 8]);
-    GroupsOfEight { marks: ((rays & low) + low | rays) & !low }
+    GroupsOfEight { marks: (((rays & low) + low) | rays) & !low }
 }
 
 /// What is left of [`groups_of_eight`]: a bit in the byte of each.

@@ -4,7 +4,7 @@
 use crate::accel::built_blas::{BuiltBlas, PrimitiveBlocks, WholeBlock};
 use crate::accel::instance_ray::InstanceRay;
 use crate::accel::node::NodeRef;
-use crate::accel::opaque_traversal::{Closest, OpaqueInstance};
+use crate::accel::opaque_traversal::{Found, OpaqueInstance};
 use crate::accel::packet::{MAX_RAYS, Packet, PacketHit};
 use crate::accel::tlas::{InstanceTransform, Tlas};
 use crate::accel::trace_ray::TraceRay;
@@ -76,9 +76,9 @@ impl Turns<'_> {
                 match way.take_turn(simd, blocks, &mut stacks[at], &mut instance_rays[at], any_opaque_hit) {
                     Turn::GoesOn => continue,
                     Turn::Ends => {
-                        if let Some(found) = &way.closest {
-                            let ordered_index = built.ordered_index(found.leaf, found.lane) as u32;
-                            let intersection = way.instance.flipped(found.intersection);
+                        if let Some(closest) = &way.found.closest {
+                            let ordered_index = built.ordered_index(closest.leaf, closest.lane) as u32;
+                            let intersection = way.instance.flipped(closest.intersection);
                             hits[way.at] = PacketHit { instance: 0, ordered_index, intersection };
                             *hit |= 1 << way.at;
                         }
@@ -142,8 +142,7 @@ struct Way<'a> {
     shown: [u32; 2],
     /// The node or leaf that its next turn visits.
     next: NodeRef,
-    cull_t: f32,
-    closest: Option<Closest>,
+    found: Found,
 }
 
 impl<'a> Way<'a> {
@@ -157,8 +156,7 @@ impl<'a> Way<'a> {
             t_min: ray.t_min,
             shown: instance.shown_surfaces(),
             next: bvh.root(),
-            cull_t: ray.t_max,
-            closest: None,
+            found: Found { cull_t: ray.t_max, closest: None },
             instance,
         })
     }
@@ -177,13 +175,12 @@ impl<'a> Way<'a> {
         let mut next = None;
         if self.next.is_leaf() {
             let mut ray = self.instance.leaf_ray(instance_ray);
-            let Self { shown, cull_t, closest, .. } = self;
-            let (_, undecided) =
-                self.instance.test_leaf(simd, blocks, self.next, &mut ray, *shown, cull_t, closest);
+            let Self { instance, next, shown, found, .. } = self;
+            let (_, undecided) = instance.test_leaf(simd, blocks, *next, &mut ray, *shown, found);
             if undecided != 0 {
                 return Turn::Undecided;
             }
-            if any_opaque_hit && closest.is_some() {
+            if any_opaque_hit && found.closest.is_some() {
                 return Turn::Ends;
             }
         } else {
@@ -191,10 +188,10 @@ impl<'a> Way<'a> {
                 bvh.leaves_to_prefetch(self.next).for_each(|leaf| prefetch(blocks, leaf));
             }
             let slabs = Slabs::in_world(simd, &self.in_tree, self.t_min);
-            let limit = F32x8Ops::splat(simd, NodeLimit::unshifted(self.cull_t).0);
+            let limit = F32x8Ops::splat(simd, NodeLimit::unshifted(self.found.cull_t).0);
             next = stack.push_children(bvh.node(self.next), &slabs, limit).map(|(nearest, _)| nearest);
         }
-        let Some(next) = next.or_else(|| stack.pop(NodeLimit::unshifted(self.cull_t))) else {
+        let Some(next) = next.or_else(|| stack.pop(NodeLimit::unshifted(self.found.cull_t))) else {
             return Turn::Ends;
         };
         if next.is_leaf() {
