@@ -15,8 +15,13 @@ use crate::clock;
 use crate::frames;
 use crate::table::Table;
 
-/// How many threads, and processes.
-const COUNTS: [usize; 3] = [1, 2, 4];
+/// How many threads, and processes: powers of two up to the processors, and 4 at least.
+fn counts() -> Vec<usize> {
+    let processors = std::thread::available_parallelism().map_or(1, usize::from);
+    std::iter::successors(Some(1), |count| Some(count * 2))
+        .take_while(|&count| count <= processors.max(4))
+        .collect()
+}
 
 /// The environment variable that makes a process a worker, and holds its number.
 const WORKER: &str = "ANYHIT_BENCH_WORKER";
@@ -151,16 +156,16 @@ pub fn run(table: &Table) {
         return;
     }
     let pictures = Picture::both(table);
-    let pools = COUNTS.map(|count| pool(0, count));
+    let counts = counts();
+    let pools: Vec<_> = counts.iter().map(|&count| pool(0, count)).collect();
     let mut workers: Vec<Worker> =
-        (0..4).map(|number| Worker::new(table.size(true, false), number)).collect();
+        (0..counts[counts.len() - 1]).map(|number| Worker::new(table.size(true, false), number)).collect();
     for (number, (picture, (name, _))) in pictures.iter().zip(PICTURES).enumerate() {
         pools.iter().for_each(|pool| _ = picture.draw(pool, Duration::ZERO));
-        let mut rounds: Vec<[[Rate; 2]; 3]> = Vec::new();
+        let mut rounds: Vec<Vec<[Rate; 2]>> = Vec::new();
         for round in 0..table.size(20, 1) {
-            rounds.push([0, 1, 2].map(|at| {
-                let count = COUNTS[at];
-                let threads = || picture.draw(&pools[at], picture.time);
+            let each = counts.iter().zip(&pools).map(|(&count, pool)| {
+                let threads = || picture.draw(pool, picture.time);
                 let mut processes = || {
                     let some = &mut workers[..count];
                     some.iter_mut().for_each(|worker| worker.begin(number));
@@ -177,10 +182,13 @@ pub fn run(table: &Table) {
                         [threads(), rate]
                     }
                 }
-            }));
+            });
+            rounds.push(each.collect());
         }
-        for (at, count) in COUNTS.into_iter().enumerate() {
-            let of = |value: &dyn Fn(&[[Rate; 2]; 3]) -> f64| quartiles(rounds.iter().map(value).collect());
+        for (at, count) in counts.iter().enumerate() {
+            let of = |value: &dyn Fn(&[[Rate; 2]]) -> f64| {
+                quartiles(rounds.iter().map(|round| value(round)).collect())
+            };
             println!(
                 "threads {count}, {name:<16} {:>7.3} Mpixels/s, {} times one thread; {count} processes {:.3}, ratio {}, \
                  in processor time {}",

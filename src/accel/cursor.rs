@@ -191,9 +191,9 @@ impl Cursor {
         self.proceed_as(tlas, &mut ())
     }
 
-    /// Traces a ray for which no shader decides ([`Tlas::is_fully_opaque`]) from beginning to end, by
-    /// the buffers of this cursor, whose traversal is over then; returns its hit: the closest, or
-    /// with `any_opaque_hit` [any](Cursor::end_at_any_opaque_hit).
+    /// Traces a ray for which no shader decides ([`Tlas::is_fully_opaque`]) from beginning to end,
+    /// by the buffers of this cursor, whose own traversal is over then; returns its hit: the
+    /// closest, or with `any_opaque_hit` [any](Cursor::end_at_any_opaque_hit).
     pub fn trace_opaque(
         &mut self,
         tlas: &Tlas,
@@ -208,7 +208,7 @@ impl Cursor {
             self.trace = *trace;
             self.trace_other_opaque(tlas);
         }
-        self.state = State::Ended;
+        (self.state, self.next) = (State::Ended, None);
         self.hits.committed.as_ref()
     }
 

@@ -85,7 +85,7 @@ impl LaneTask for WorldTraversal<'_> {
 }
 
 /// What a traversal has found so far.
-pub(super) struct Found {
+pub(super) struct ClosestSoFar {
     /// No hit behind it matters; a rounded t.
     pub cull_t: f32,
     pub closest: Option<Closest>,
@@ -190,7 +190,7 @@ impl<'a> OpaqueInstance<'a> {
         };
         let shown = self.shown_surfaces();
         let mut stack = stack.room_for(bvh);
-        let mut found = Found { cull_t: hits.cull_t, closest: None };
+        let mut found = ClosestSoFar { cull_t: hits.cull_t, closest: None };
         let mut limit = limit_at(instance_ray, found.cull_t);
         let mut next = Some(bvh.root());
         while let Some(mut child) = next {
@@ -248,7 +248,7 @@ impl<'a> OpaqueInstance<'a> {
         leaf: NodeRef,
         ray: &mut impl LeafRay,
         shown: [u32; 2],
-        found: &mut Found,
+        found: &mut ClosestSoFar,
     ) -> (bool, u32) {
         self.built.prefetch_geom_prims(leaf);
         let tested = blocks[leaf.index()].intersect_all(simd, ray, found.cull_t);

@@ -55,14 +55,14 @@ impl<D: F64x4Ops> DoubleRay<D> {
         }
     }
 
-    /// A [well-scaled](Ray::is_well_scaled) ray in the object space of an instance; `None` where its
-    /// error may be greater than the intersectors' bounds assume, or the transform has no inverse in
-    /// f32 ([`Transform::approximate_inverse`]).
+    /// A [well-scaled](Ray::is_well_scaled) ray in the object space of an instance; `None` where
+    /// its error may be greater than the intersectors' bounds assume, or the transform has no
+    /// inverse in f32 ([`Transform::approximate_inverse`]).
     ///
     /// The numbers of [`ObjectRay::in_instance`], with the same bounds. Entries of the inverse are
-    /// from 2^-40 to 2^40, and the numbers of the ray from 2^-60 to 2^60. So no norm is above 2^103,
-    /// and the relative error, which is at least 8u times the sizes of the terms over the norm, leaves
-    /// the direction one of 2^-140 and more.
+    /// from 2^-40 to 2^40, and the numbers of the ray from 2^-60 to 2^60. So no norm is above
+    /// 2^103; and as the relative error is at least 8u times the sizes of the terms over the norm,
+    /// one that is accepted leaves the direction a norm of 2^-140 or more.
     #[inline(always)]
     pub fn in_instance(simd: D, ray: &Ray, transform: &Transform) -> Option<Self> {
         let translation = simd.load_f32(transform.approximate_translation()?);

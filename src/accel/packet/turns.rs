@@ -4,7 +4,7 @@
 use crate::accel::built_blas::{BuiltBlas, PrimitiveBlocks, WholeBlock};
 use crate::accel::instance_ray::InstanceRay;
 use crate::accel::node::NodeRef;
-use crate::accel::opaque_traversal::{Found, OpaqueInstance};
+use crate::accel::opaque_traversal::{ClosestSoFar, OpaqueInstance};
 use crate::accel::packet::{MAX_RAYS, Packet, PacketHit};
 use crate::accel::tlas::{InstanceTransform, Tlas};
 use crate::accel::trace_ray::TraceRay;
@@ -142,7 +142,7 @@ struct Way<'a> {
     shown: [u32; 2],
     /// The node or leaf that its next turn visits.
     next: NodeRef,
-    found: Found,
+    found: ClosestSoFar,
 }
 
 impl<'a> Way<'a> {
@@ -156,7 +156,7 @@ impl<'a> Way<'a> {
             t_min: ray.t_min,
             shown: instance.shown_surfaces(),
             next: bvh.root(),
-            found: Found { cull_t: ray.t_max, closest: None },
+            found: ClosestSoFar { cull_t: ray.t_max, closest: None },
             instance,
         })
     }
