@@ -3,12 +3,13 @@
 //!
 //! A ray that shaders may have to decide about goes through `traversal`, which finds the same hits.
 
-use crate::accel::built_blas::{BuiltBlas, GeomPrim, PrimitiveBlocks, WholeBlock};
+use crate::accel::built_blas::{BuiltBlas, PrimitiveBlocks, WholeBlock};
 use crate::accel::flags::InstanceFlags;
 use crate::accel::hit::Candidate;
 use crate::accel::hit_queue::HitQueue;
 use crate::accel::instance_ray::InstanceRay;
 use crate::accel::node::NodeRef;
+use crate::accel::primitive_numbers::GeomPrim;
 use crate::accel::rules::{apply_flip_facing, culls_faces, is_culled_by_face, is_culled_by_opacity};
 use crate::accel::tlas::Tlas;
 use crate::accel::trace_ray::TraceRay;
@@ -93,7 +94,7 @@ impl OpaqueTraversal<'_> {
                 next = stack.pop(limit);
                 continue;
             }
-            built.prefetch_geom_prims(child);
+            built.prefetch_numbers(child);
             let mut ray = instance_ray.leaf_ray(tlas, trace);
             let found = blocks[child.index()].intersect_all(simd, &mut ray, cull_t);
             let filled = built.full_mask(child);

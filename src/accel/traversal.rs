@@ -328,7 +328,7 @@ impl<V: TraversalObserver, const FULLY_OPAQUE: bool> Traversal<'_, V, FULLY_OPAQ
                 }
             }
             if child.is_leaf() {
-                built.prefetch_geom_prims(child);
+                built.prefetch_numbers(child);
                 let maybe_hit = self.maybe_hit_mask(simd, built, child);
                 if maybe_hit == 0 {
                     continue;
