@@ -45,7 +45,9 @@ impl PrimitiveNumbers {
         if self.firsts.is_empty() { GeomPrim { geometry: 0, primitive: number } } else { self.find(number) }
     }
 
-    /// [`Self::geom_prim`] among several geometries.
+    /// [`Self::geom_prim`] among several geometries. It is out of the way of registers that hold a
+    /// ray where there is only one.
+    #[cold]
     #[inline(never)]
     fn find(&self, number: u32) -> GeomPrim {
         // Geometries without primitives share their first number with the next one.

@@ -19,13 +19,12 @@ use crate::geometry::block::{self, LANES};
 const MAX_WITHOUT_BVH: usize = 4;
 
 /// SAH costs in units of one node test: of primitives that are tested one by one, of blocks that
-/// are tested at once (spheres, triangles), and of blocks most of which are culled (swept spheres).
-/// Triangles fill leaves of four unless splitting gains much, as a block takes the same memory
-/// however full it is.
+/// are tested at once (triangles, spheres), and of blocks most of which are culled (swept spheres).
+/// Blocks are filled unless splitting gains much, as they take the same memory however full they
+/// are.
 const COST_OF_SINGLE_TESTS: SahCost =
     SahCost { max_leaf_size: LANES, traversal: 1.0, intersection: 3.0, split_below: 1.0 };
-const COST_OF_BLOCK_TESTS: SahCost = SahCost { intersection: 0.15, ..COST_OF_SINGLE_TESTS };
-const COST_OF_TRIANGLES: SahCost = SahCost { intersection: 0.05, split_below: 0.8, ..COST_OF_SINGLE_TESTS };
+const COST_OF_BLOCK_TESTS: SahCost = SahCost { intersection: 0.05, split_below: 0.8, ..COST_OF_SINGLE_TESTS };
 const COST_OF_SWEPT_SPHERES: SahCost =
     SahCost { traversal: 1.5, intersection: 0.2, split_below: 0.8, ..COST_OF_SINGLE_TESTS };
 
@@ -33,10 +32,9 @@ const COST_OF_SWEPT_SPHERES: SahCost =
 pub(super) fn cost_of(geometries: &[Geometry]) -> SahCost {
     match geometries.first().map(|geometry| geometry.data.kind()) {
         Some(GeometryKind::Aabbs) => COST_OF_SINGLE_TESTS,
-        Some(GeometryKind::Spheres) => COST_OF_BLOCK_TESTS,
         Some(GeometryKind::LinearSweptSpheres) => COST_OF_SWEPT_SPHERES,
         _ if moves(geometries) => COST_OF_SINGLE_TESTS,
-        Some(GeometryKind::Triangles) | None => COST_OF_TRIANGLES,
+        Some(GeometryKind::Triangles | GeometryKind::Spheres) | None => COST_OF_BLOCK_TESTS,
     }
 }
 
@@ -259,5 +257,49 @@ mod tests {
         let sparse = BuiltBlas::build(&[rods(400, 0.6)]);
         assert!(!sparse.has_split_primitives(), "0.3 fewer");
         assert_eq!(count(&sparse), 400);
+    }
+
+    /// The numbers of nodes and of leaves.
+    fn nodes_and_leaves(built: &BuiltBlas) -> (usize, usize) {
+        let bvh = built.bvh().expect("a tree");
+        let (mut nodes, mut leaves, mut open) = (0, 0, vec![bvh.root()]);
+        while let Some(child) = open.pop() {
+            if child.is_leaf() {
+                leaves += 1;
+            } else {
+                nodes += 1;
+                open.extend(bvh.node(child).children().map(|(child, _)| child));
+            }
+        }
+        (nodes, leaves)
+    }
+
+    #[test]
+    fn a_tree_takes_the_room_of_its_nodes_and_blocks() {
+        // A node has eight boxes of 24 bytes, as many references of 4, a mask, and fills four
+        // cache lines. A leaf has a block, and four numbers of 4 bytes. Swept spheres have two
+        // caps each; with nodes of triangles a number stands that is read before them.
+        let count = 2000;
+        let unit = |at: u32, by: f32| (at as f32 * by).fract();
+        let point = |at: u32| [unit(at, 0.819_172_5), unit(at, 0.671_043_6), unit(at, 0.549_700_5)];
+        let positions: Vec<[f32; 3]> = (0..count).map(point).collect();
+        let corners = |at: u32| [0, 1, 2].map(|axis| point(at).map(|x| x + 0.01 * axis as f32));
+        let triangles = GeometryData::Triangles {
+            vertices: (0..count).flat_map(corners).collect(),
+            indices: None,
+            transform: None,
+        };
+        let radii = vec![0.01; count as usize];
+        let spheres = GeometryData::Spheres { positions, radii, indices: None };
+        let (blocks_of_triangles, blocks_of_spheres, blocks_of_ends) = (36 * 4, 16 * 4, 32 * 4);
+        for (geometry, node, leaf) in [
+            (Geometry::new(triangles, GeometryFlags::OPAQUE), 256 + 4, blocks_of_triangles + 16),
+            (Geometry::new(spheres, GeometryFlags::OPAQUE), 256, blocks_of_spheres + 16),
+            (rods(count, 0.1), 256, blocks_of_ends + 4 * 2 + 16),
+        ] {
+            let built = BuiltBlas::build(&[geometry]);
+            let (nodes, leaves) = nodes_and_leaves(&built);
+            assert_eq!(built.memory_size(), nodes * node + leaves * leaf, "{nodes} nodes, {leaves} leaves");
+        }
     }
 }

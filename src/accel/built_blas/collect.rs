@@ -273,7 +273,7 @@ mod tests {
     fn inactive_primitives_are_left_out() {
         // Every third triangle has a NaN; of the second geometry all have.
         let triangles = |count: usize, every: usize| {
-            let coordinate = |at: usize| if at / 9 % every == 0 { f32::NAN } else { at as f32 };
+            let coordinate = |at: usize| if (at / 9).is_multiple_of(every) { f32::NAN } else { at as f32 };
             let vertices = (0..3 * count).map(|vertex| [0, 1, 2].map(|axis| coordinate(3 * vertex + axis)));
             let data =
                 GeometryData::Triangles { vertices: vertices.collect(), indices: None, transform: None };
