@@ -261,12 +261,16 @@ impl Scene {
     /// Its BLAS with the BVH, which the first packet builds.
     pub fn built(&self, flags: GeometryFlags) -> Arc<Blas> {
         let tlas = self.tlas(flags);
-        let blas = tlas.instances()[0].blas.clone();
+        self.build(&tlas);
+        tlas.instances()[0].blas.clone()
+    }
+
+    /// Builds the BVH of its BLAS, of which nothing is built yet: traces the first packet.
+    pub fn build(&self, tlas: &Tlas) {
         let trace = |ray| TraceRay { ray, flags: RayFlags::default(), cull_mask: 0xFF, time: 0.0 };
         let traces: Vec<_> = self.camera.rays([8, 8]).into_iter().map(trace).collect();
-        assert!(Packet::default().trace(&tlas, &traces, false, &mut Vec::new()), "no shader decides");
-        assert!(blas.has_bvh(), "no ray came to it");
-        blas
+        assert!(Packet::default().trace(tlas, &traces, false, &mut Vec::new()), "no shader decides");
+        assert!(tlas.instances()[0].blas.has_bvh(), "no ray came to it");
     }
 
     /// Its BLAS placed once.

@@ -5,26 +5,18 @@
 //! centroids are counted (I. Wald, *On fast Construction of SAH-based Bounding Volume Hierarchies*,
 //! 2007).
 
-use std::ops::Range;
+use std::ops::Deref;
 
 use smallvec::SmallVec;
 
+use crate::accel::bin_split::{BINS, BinMapping, BinSplit, bin_in, bin_on_axis, partition};
+use crate::accel::build_record::BuildRecord;
+use crate::accel::build_threads::BuildThreads;
+use crate::accel::chunked_partition::{MAX_UNCHUNKED, partition_chunks, record_of_chunks};
 use crate::accel::node::WIDTH;
-use crate::geometry::Bounds;
+use crate::accel::prim_ref::{PrimRef, half_area};
 use crate::math::f32x4::F32x4;
 use crate::math::f32x8::F32x8Ops;
-
-/// A reference to a primitive: its number and its box. It is stored as the minimum corner, the
-/// number and the negated maximum corner, so that one eight-lane minimum makes the union of two
-/// boxes.
-#[derive(Clone, Copy, Debug)]
-#[repr(align(32))]
-pub(super) struct PrimRef([f32; 8]);
-
-const INF: f32 = f32::INFINITY;
-
-/// The coordinate that stands for infinity: finite coordinates lie in the unit cube.
-pub(super) const INFINITY_PROXY: f32 = 2.0;
 
 /// The cost model of the surface area heuristic, in units of one inner node's test.
 #[derive(Clone, Copy, Debug)]
@@ -49,163 +41,6 @@ impl SahCost {
     }
 }
 
-impl PrimRef {
-    /// An empty box with number 0: the neutral element of [`PrimRef::union`].
-    pub(super) const EMPTY: Self = Self([INF, INF, INF, 0.0, INF, INF, INF, 0.0]);
-
-    /// Makes a reference from a box and a primitive number.
-    #[inline(always)]
-    pub(super) fn new(&Bounds { min, max }: &Bounds, number: u32) -> Self {
-        Self([min[0], min[1], min[2], f32::from_bits(number), -max[0], -max[1], -max[2], 0.0])
-    }
-
-    /// Makes a reference from the minimum corner, the negated maximum corner and the number.
-    #[inline(always)]
-    pub(super) fn from_corners([low, negated_high]: [F32x4; 2], number: u32) -> Self {
-        let ([a, b, c, _], [d, e, f, _]) = (low.to_array(), negated_high.to_array());
-        Self([a, b, c, f32::from_bits(number), d, e, f, 0.0])
-    }
-
-    /// Replaces the number.
-    #[inline(always)]
-    pub(super) fn with_number(self, number: u32) -> Self {
-        let mut corners = self.0;
-        corners[3] = f32::from_bits(number);
-        Self(corners)
-    }
-
-    /// The union of two boxes, with number 0.
-    #[inline(always)]
-    pub(super) fn union(&self, other: &Self) -> Self {
-        let low = self.low().relaxed_min(other.low());
-        Self::from_corners([low, self.negated_high().relaxed_min(other.negated_high())], 0)
-    }
-
-    /// The number of the primitive.
-    #[inline(always)]
-    pub(super) fn number(&self) -> u32 {
-        self.0[3].to_bits()
-    }
-
-    /// The box of the primitive.
-    #[inline(always)]
-    pub(super) fn bounds(&self) -> Bounds {
-        bounds_of(&self.0)
-    }
-
-    /// The minimum corner; 0 in the fourth lane.
-    #[inline(always)]
-    pub(super) fn low(&self) -> F32x4 {
-        let [x, y, z, ..] = self.0;
-        F32x4::new([x, y, z, 0.0])
-    }
-
-    /// The negated maximum corner; 0 in the fourth lane.
-    #[inline(always)]
-    pub(super) fn negated_high(&self) -> F32x4 {
-        let [.., x, y, z, w] = self.0;
-        F32x4::new([x, y, z, w])
-    }
-
-    /// Twice the centroid.
-    #[inline(always)]
-    fn center2(&self) -> F32x4 {
-        self.low() - self.negated_high()
-    }
-
-    /// Twice the centroid on one axis.
-    #[inline(always)]
-    fn center2_on(&self, axis: usize) -> f32 {
-        self.0[axis] - self.0[axis + 4]
-    }
-}
-
-/// Decodes the corners of a [`PrimRef`].
-#[inline(always)]
-fn bounds_of(&[a, b, c, _, d, e, f, _]: &[f32; 8]) -> Bounds {
-    Bounds { min: [a, b, c], max: [-d, -e, -f] }
-}
-
-/// Half the surface area of a box whose corners are stored as in a [`PrimRef`]. It only ranks
-/// splits.
-#[inline(always)]
-fn half_area(&[a, b, c, _, d, e, f, _]: &[f32; 8]) -> f32 {
-    // The extents, negated.
-    let (x, y, z) = (a + d, b + e, c + f);
-    x * y + y * z + z * x
-}
-
-/// A contiguous range of primitive references during a build.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct BuildRecord {
-    /// The box around all of them, stored as in a [`PrimRef`].
-    corners: [f32; 8],
-    /// The box around twice their centroids: minimum, then maximum.
-    centroid_bounds: [F32x4; 2],
-    half_area: f32,
-    /// The start of the range.
-    first: u32,
-    count: u32,
-    /// Whether the range becomes a leaf.
-    is_leaf: bool,
-}
-
-impl BuildRecord {
-    /// A record of no references.
-    const EMPTY: Self = Self {
-        corners: PrimRef::EMPTY.0,
-        centroid_bounds: [F32x4::ZERO; 2],
-        half_area: 0.0,
-        first: 0,
-        count: 0,
-        is_leaf: false,
-    };
-
-    /// Makes the record of a range that starts at `first`.
-    #[inline(always)]
-    fn new<E: F32x8Ops>(simd: E, prim_refs: &[PrimRef], first: usize) -> Self {
-        let mut corners = simd.splat(f32::INFINITY);
-        let mut centroid_bounds = [F32x4::splat(f32::INFINITY), F32x4::splat(f32::NEG_INFINITY)];
-        for prim_ref in prim_refs {
-            corners = simd.min(simd.load(&prim_ref.0), corners);
-            let center2 = prim_ref.center2();
-            centroid_bounds =
-                [center2.relaxed_min(centroid_bounds[0]), center2.relaxed_max(centroid_bounds[1])];
-        }
-        let corners = simd.to_array(corners);
-        let half_area = half_area(&corners);
-        let (first, count) = (first as u32, prim_refs.len() as u32);
-        Self { corners, centroid_bounds, half_area, first, count, is_leaf: false }
-    }
-
-    /// The number of references.
-    pub(super) fn count(&self) -> usize {
-        self.count as usize
-    }
-
-    /// Whether the range becomes a leaf.
-    pub(super) fn is_leaf(&self) -> bool {
-        self.is_leaf
-    }
-
-    /// The range of the references.
-    #[inline(always)]
-    fn range(&self) -> Range<usize> {
-        self.first as usize..(self.first + self.count) as usize
-    }
-
-    /// The box around all references.
-    pub(super) fn bounds(&self) -> Bounds {
-        bounds_of(&self.corners)
-    }
-
-    /// Twice the extent of the centroids on each axis.
-    #[inline(always)]
-    fn centroid_extent2(&self) -> [f32; 4] {
-        (self.centroid_bounds[1] - self.centroid_bounds[0]).to_array()
-    }
-}
-
 /// The axis of the largest of the first three components.
 #[inline(always)]
 fn longest_axis([x, y, z, _]: [f32; 4]) -> usize {
@@ -213,8 +48,6 @@ fn longest_axis([x, y, z, _]: [f32; 4]) -> usize {
     if z > x.max(y) { 2 } else { first }
 }
 
-/// The number of bins on an axis; a power of two.
-const BINS: usize = 16;
 /// The number of bins for at most [`MAX_SINGLE_AXIS`] boxes, which are binned on the longest axis
 /// only.
 const FEW_BINS: usize = 8;
@@ -223,8 +56,6 @@ const MAX_SINGLE_AXIS: usize = 128;
 const MAX_SORTED: usize = 8;
 /// Of more boxes than this only a sample is binned.
 const SAMPLE_SIZE: usize = 256;
-/// 1.5 * 2^23: a sum with it has the integer part in its low mantissa bits.
-const TO_INTEGER: f32 = 12_582_912.0;
 /// An axis on which twice the centroids' extent is at most this is not binned.
 const MIN_EXTENT: f32 = 1e-30;
 
@@ -238,39 +69,20 @@ pub(super) struct BinnedSahBuilder {
     counts: [[u32; BINS]; 3],
 }
 
-/// A split plane between two bins.
-struct BinSplit {
-    axis: usize,
-    /// The last bin on the left.
-    last_left: usize,
-    mapping: BinMapping,
+/// The ranges into which the references of a node are divided, in their order.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Children {
+    records: [BuildRecord; WIDTH],
+    count: usize,
 }
 
-/// Maps twice a centroid to its bin on each axis.
-#[derive(Clone, Copy)]
-struct BinMapping {
-    offset: F32x4,
-    scale: F32x4,
-}
+impl Deref for Children {
+    type Target = [BuildRecord];
 
-impl BinMapping {
-    /// The bin on each axis, as a sum with [`TO_INTEGER`] that [`bin_in`] decodes.
     #[inline(always)]
-    fn bins(self, center2: F32x4) -> F32x4 {
-        ((center2 - self.offset) * self.scale - F32x4::splat(0.5)) + F32x4::splat(TO_INTEGER)
+    fn deref(&self) -> &[BuildRecord] {
+        &self.records[..self.count]
     }
-}
-
-/// [`BinMapping::bins`] on one axis.
-#[inline(always)]
-fn bin_on_axis(center2: f32, offset: f32, scale: f32) -> f32 {
-    ((center2 - offset) * scale - 0.5) + TO_INTEGER
-}
-
-/// Decodes the bin in a sum with [`TO_INTEGER`].
-#[inline(always)]
-fn bin_in(sum: f32) -> usize {
-    sum.to_bits() as usize & (BINS - 1)
 }
 
 impl BinnedSahBuilder {
@@ -284,21 +96,26 @@ impl BinnedSahBuilder {
     }
 
     /// The records that [`Self::divide`] made last, in the order of their ranges.
-    pub(super) fn records(&self) -> impl Iterator<Item = &BuildRecord> {
-        self.order.iter().map(|&at| &self.records[usize::from(at)])
+    #[inline(always)]
+    pub(super) fn children(&self) -> Children {
+        let at = |slot: usize| self.order.get(slot).map_or(0, |&at| usize::from(at));
+        Children { records: std::array::from_fn(|slot| self.records[at(slot)]), count: self.order.len() }
     }
 
-    /// Divides at least two references among the children of a node, reordering them. There is one
+    /// Divides at least two references, those of `whole`, among the children of a node, reordering them. There is one
     /// record if all of them make a leaf. `median_split` splits at the median instead of by cost.
+    /// Several threads divide many references together, into the same records in the same order.
     #[inline(always)]
     pub(super) fn divide<E: F32x8Ops>(
         &mut self,
         simd: E,
         prim_refs: &mut [PrimRef],
+        whole: &BuildRecord,
         cost: &SahCost,
         median_split: bool,
+        threads: BuildThreads,
     ) {
-        self.records[0] = BuildRecord::new(simd, prim_refs, 0);
+        self.records[0] = whole.starting_at(0);
         self.order.clear();
         self.order.push(0);
         while self.order.len() < WIDTH {
@@ -319,29 +136,40 @@ impl BinnedSahBuilder {
             }
             let Some((at, must_split, _)) = chosen else { break };
             let whole = self.records[at];
-            if whole.count == 1 {
+            if whole.count() == 1 {
                 self.records[at].is_leaf = true;
                 continue;
             }
             let these = &mut prim_refs[whole.range()];
+            if these.len() > MAX_UNCHUNKED {
+                let [left, right] = self.split_many(simd, these, &whole, cost, median_split, threads);
+                self.replace(at, left, right);
+                continue;
+            }
             let half = self.split(simd, these, &whole, cost, median_split);
             let (left, right) = these.split_at(half);
-            let left = BuildRecord::new(simd, left, whole.first as usize);
-            let right = BuildRecord::new(simd, right, whole.first as usize + half);
+            let left = BuildRecord::new(simd, left, whole.first());
+            let right = BuildRecord::new(simd, right, whole.first() + half);
             let sah = |record: &BuildRecord| record.half_area * cost.leaf(record.count());
             if !must_split && sah(&left) + sah(&right) >= cost.split_below * sah(&whole) {
                 self.records[at].is_leaf = true;
                 continue;
             }
-            let added = self.order.len();
-            self.records[at] = left;
-            self.records[added] = right;
-            let position = self.order.iter().position(|&one| usize::from(one) == at).unwrap_or(0);
-            self.order.insert(position + 1, added as u8);
+            self.replace(at, left, right);
         }
         for record in &mut self.records[..self.order.len()] {
             record.is_leaf |= is_leaf(&prim_refs[record.range()], record, cost);
         }
+    }
+
+    /// Replaces a record by those of both sides of a split.
+    #[inline(always)]
+    fn replace(&mut self, at: usize, left: BuildRecord, right: BuildRecord) {
+        let added = self.order.len();
+        self.records[at] = left;
+        self.records[added] = right;
+        let position = self.order.iter().position(|&one| usize::from(one) == at).unwrap_or(0);
+        self.order.insert(position + 1, added as u8);
     }
 
     /// Splits at least two references, reordering them; returns the number on the left.
@@ -373,6 +201,37 @@ impl BinnedSahBuilder {
         let Some(split) = split else { return split_at_median(prim_refs, axis) };
         let left = partition(prim_refs, &split);
         if left == 0 || left == prim_refs.len() { split_at_median(prim_refs, axis) } else { left }
+    }
+
+    /// Splits more than [`MAX_UNCHUNKED`] references, reordering them; makes the records of both
+    /// sides.
+    #[inline(always)]
+    fn split_many<E: F32x8Ops>(
+        &mut self,
+        simd: E,
+        prim_refs: &mut [PrimRef],
+        record: &BuildRecord,
+        cost: &SahCost,
+        median_split: bool,
+        threads: BuildThreads,
+    ) -> [BuildRecord; 2] {
+        let (first, count) = (record.first(), prim_refs.len());
+        let centroid_extent2 = record.centroid_extent2();
+        let axis = longest_axis(centroid_extent2);
+        if !median_split
+            && centroid_extent2[axis] > MIN_EXTENT
+            && let Some(split) = self.best_split(simd, prim_refs, record, cost)
+        {
+            let [left, right] = partition_chunks(prim_refs, &split, threads);
+            let half = left.count();
+            if half != 0 && half != count {
+                return [left.starting_at(first), right.starting_at(first + half)];
+            }
+        }
+        let half = split_at_median(prim_refs, axis);
+        let (left, right) = prim_refs.split_at(half);
+        let (left, right) = (record_of_chunks(left, threads), record_of_chunks(right, threads));
+        [left.starting_at(first), right.starting_at(first + half)]
     }
 
     /// Finds the cheapest plane on all three axes; `None` if no plane separates the boxes.
@@ -482,26 +341,6 @@ impl BinnedSahBuilder {
         }
         best
     }
-}
-
-/// Moves the boxes on the left of a split before the others; returns their number. It is written
-/// without a branch that depends on a box, as half of those would be mispredicted.
-#[inline(always)]
-#[allow(clippy::manual_swap, reason = "`swap` goes through memory")]
-fn partition(prim_refs: &mut [PrimRef], split: &BinSplit) -> usize {
-    let BinMapping { offset, scale } = split.mapping;
-    let (offset, scale) = (offset.to_array()[split.axis], scale.to_array()[split.axis]);
-    let last = TO_INTEGER + split.last_left as u32 as f32;
-    let mut left = 0;
-    for at in 0..prim_refs.len() {
-        let is_left = bin_on_axis(prim_refs[at].center2_on(split.axis), offset, scale) <= last;
-        // All boxes from `left` up to here lie on the right.
-        let prim_ref = prim_refs[at];
-        prim_refs[at] = prim_refs[left];
-        prim_refs[left] = prim_ref;
-        left += usize::from(is_left);
-    }
-    left
 }
 
 /// Sorts at most [`MAX_SORTED`] boxes along an axis; returns how many lie left of the cheapest

@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
 use crate::accel::built_blas::BuiltBlas;
 use crate::accel::built_blas::partial::PartialBlas;
-use crate::accel::geometry::{Geometry, primitive_count};
+use crate::accel::geometry::{Geometry, moves, primitive_count};
 use crate::accel::geometry_data::GeometryKind;
 use crate::accel::node::Node;
 use crate::accel::primitive::Primitive;
@@ -117,7 +117,7 @@ impl Blas {
 
     /// Whether vertices of it move.
     pub fn moves(&self) -> bool {
-        self.geometries.iter().any(|geometry| geometry.vertices_t1.is_some())
+        moves(&self.geometries)
     }
 
     /// Whether rays have reached it, so that its boxes and perhaps its BVH exist.

@@ -1,14 +1,16 @@
 //! A built BLAS: its active primitives in tree order, and the BVH over them.
 
 mod build;
+mod collect;
 pub(super) mod partial;
 
-use bytemuck::{NoUninit, Pod, Zeroable};
+use bytemuck::NoUninit;
 
 use crate::accel::flags::GeometryFlags;
 use crate::accel::geometry::interpolate_triangle;
 use crate::accel::geometry_data::bytes_of;
 use crate::accel::node::NodeRef;
+use crate::accel::primitive_numbers::{GeomPrim, PrimitiveNumbers};
 use crate::accel::wide_bvh::WideBvh;
 use crate::geometry::block::{self, CullRay, LANES, ShearedRay};
 use crate::geometry::{Bounds, DoubleRay, Intersection, Intersection4, ObjectRay, Precision, triangle};
@@ -20,29 +22,16 @@ use crate::math::prefetch::prefetch;
 #[derive(Clone, Debug)]
 pub(super) struct BuiltBlas {
     blocks: PrimitiveBlocks,
-    /// The identity of each primitive in tree order; [`GeomPrim::NONE`] pads leaves that are not
-    /// full.
-    geom_prims: Vec<GeomPrim>,
+    /// The number of each primitive in tree order; [`PADDING`](super::wide_bvh::PADDING) fills
+    /// leaves that are not full.
+    order: Vec<u32>,
+    /// What the numbers refer to.
+    numbers: PrimitiveNumbers,
     /// Whether some primitives are in several leaves.
     has_split_primitives: bool,
     bvh: Option<WideBvh>,
     bounds: Bounds,
     common_flags: Option<GeometryFlags>,
-}
-
-/// The identity of a primitive in a BLAS.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
-#[repr(C)]
-pub(super) struct GeomPrim {
-    /// `RayGeometryIndexKHR`
-    pub geometry: u32,
-    /// `PrimitiveId`
-    pub primitive: u32,
-}
-
-impl GeomPrim {
-    /// No primitive: padding.
-    const NONE: Self = Self { geometry: u32::MAX, primitive: u32::MAX };
 }
 
 /// Which rays are prepared for [`BuiltBlas::maybe_hit_mask`].
@@ -122,7 +111,10 @@ impl BuiltBlas {
             PrimitiveBlocks::LinearSweptSpheres(blocks, caps) => bytes_of(blocks) + bytes_of(caps),
             PrimitiveBlocks::MovingTriangles(keys) => bytes_of(keys),
         };
-        blocks + bytes_of(&self.geom_prims) + self.bvh.as_ref().map_or(0, WideBvh::memory_size)
+        blocks
+            + bytes_of(&self.order)
+            + self.numbers.memory_size()
+            + self.bvh.as_ref().map_or(0, WideBvh::memory_size)
     }
 
     /// The primitives in blocks of four.
@@ -145,14 +137,14 @@ impl BuiltBlas {
 
     /// All primitives as leaves, for a BLAS without a BVH.
     pub(super) fn leaves(&self) -> impl Iterator<Item = NodeRef> + use<> {
-        let count = self.geom_prims.len();
+        let count = self.order.len();
         (0..count.div_ceil(LANES)).map(move |index| NodeRef::leaf(index, LANES.min(count - index * LANES)))
     }
 
     /// The identity of the primitive in a lane of a leaf.
     #[inline(always)]
     pub(super) fn geom_prim(&self, leaf: NodeRef, lane: usize) -> GeomPrim {
-        self.geom_prims[self.ordered_index(leaf, lane)]
+        self.geom_prim_at(self.ordered_index(leaf, lane))
     }
 
     /// Prefetches the triangles in the leaves of a node while the node itself is loaded, if a ray
@@ -180,10 +172,10 @@ impl BuiltBlas {
         }
     }
 
-    /// Prefetches the identities of the primitives of a leaf.
+    /// Prefetches the numbers of the primitives of a leaf.
     #[inline(always)]
-    pub(super) fn prefetch_geom_prims(&self, leaf: NodeRef) {
-        prefetch(self.geom_prims.as_chunks::<2>().0, leaf.index() * (LANES / 2));
+    pub(super) fn prefetch_numbers(&self, leaf: NodeRef) {
+        prefetch(self.order.as_chunks::<LANES>().0, leaf.index());
     }
 
     /// The index in tree order of a lane of a leaf.
@@ -195,7 +187,7 @@ impl BuiltBlas {
     /// The identity of the primitive at an index in tree order.
     #[inline(always)]
     pub(super) fn geom_prim_at(&self, ordered_index: usize) -> GeomPrim {
-        self.geom_prims[ordered_index]
+        self.numbers.geom_prim(self.order[ordered_index])
     }
 
     /// Whether a ray may reach one primitive in several leaves.

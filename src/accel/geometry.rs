@@ -29,6 +29,11 @@ pub fn primitive_count(geometries: &[Geometry]) -> usize {
     geometries.iter().map(|geometry| geometry.data.primitive_count()).sum()
 }
 
+/// Whether vertices of any of them move.
+pub(super) fn moves(geometries: &[Geometry]) -> bool {
+    geometries.iter().any(|geometry| geometry.vertices_t1.is_some())
+}
+
 impl Geometry {
     /// Primitives at rest, without micromap or cluster.
     pub fn new(data: GeometryData, flags: GeometryFlags) -> Self {
@@ -45,6 +50,14 @@ impl Geometry {
             Some(motion_keys) => Primitive::Triangle(interpolate_triangle(&motion_keys, time)),
             None => self.data.primitive(primitive),
         }
+    }
+
+    /// The vertices of a triangle at time 0 and at time 1, which are the same where it is at rest.
+    pub(super) fn keys(&self, primitive: u32) -> Option<[[[f32; 3]; 3]; 2]> {
+        self.motion_keys(primitive).or_else(|| match self.data.primitive(primitive) {
+            Primitive::Triangle(vertices) => Some([vertices; 2]),
+            _ => None,
+        })
     }
 
     /// The vertices of a triangle that moves, at time 0 and at time 1 (its motion keys).

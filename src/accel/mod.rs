@@ -7,10 +7,14 @@
 //! time: a cursor reports what a linear scan would (`cursor` states the order, `trav_ray` proves
 //! that no hit is lost).
 
+mod bin_split;
 mod binned_sah;
 pub mod blas;
 pub mod build_input;
+mod build_record;
+mod build_threads;
 mod built_blas;
+mod chunked_partition;
 pub mod cursor;
 pub mod drawn_hits;
 mod element_format;
@@ -29,7 +33,9 @@ mod node;
 pub mod observer;
 mod opaque_traversal;
 pub mod packet;
+mod prim_ref;
 pub mod primitive;
+mod primitive_numbers;
 pub mod record_index;
 pub mod rules;
 mod strided;
@@ -39,6 +45,7 @@ mod transform;
 mod trav_ray;
 mod traversal;
 mod traversal_stack;
+mod unit_cube;
 mod validate;
 mod validate_instances;
 mod wide_bvh;

@@ -3,13 +3,14 @@
 //!
 //! A ray that shaders may have to decide about goes through `traversal`, which finds the same hits.
 
-use crate::accel::built_blas::{BuiltBlas, GeomPrim, LeafRay, PrimitiveBlocks, WholeBlock};
+use crate::accel::built_blas::{BuiltBlas, LeafRay, PrimitiveBlocks, WholeBlock};
 use crate::accel::flags::InstanceFlags;
 use crate::accel::hit::{Candidate, Committed};
 use crate::accel::hit_queue::HitQueue;
 use crate::accel::instance::TlasInstance;
 use crate::accel::instance_ray::{InstanceLeafRay, InstanceRay};
 use crate::accel::node::NodeRef;
+use crate::accel::primitive_numbers::GeomPrim;
 use crate::accel::rules::{
     apply_flip_facing, culls_faces, is_culled_by_face, is_culled_by_opacity, is_skipped, is_visible,
     skips_any,
@@ -250,7 +251,7 @@ impl<'a> OpaqueInstance<'a> {
         shown: [u32; 2],
         found: &mut ClosestSoFar,
     ) -> (bool, u32) {
-        self.built.prefetch_geom_prims(leaf);
+        self.built.prefetch_numbers(leaf);
         let tested = blocks[leaf.index()].intersect_all(simd, ray, found.cull_t);
         let filled = self.built.full_mask(leaf);
         let (mut hit, mut undecided) = (tested.hits_on(shown) & filled, tested.undecided() & filled);

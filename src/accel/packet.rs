@@ -21,12 +21,12 @@ use ray_soa::{PerRay, RaySoA, WorldRays};
 use traversal::PacketTraversal;
 use turns::{Turns, WAYS};
 
-use crate::accel::built_blas::GeomPrim;
 use crate::accel::cursor::Cursor;
 use crate::accel::flags::RayFlags;
 use crate::accel::hit::{Candidate, Committed, HitKey};
 use crate::accel::instance_ray::InstanceRay;
 use crate::accel::node::{NodeRef, WIDTH};
+use crate::accel::primitive_numbers::GeomPrim;
 use crate::accel::rules::is_opaque;
 use crate::accel::tlas::Tlas;
 use crate::accel::trace_ray::TraceRay;

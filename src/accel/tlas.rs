@@ -2,11 +2,13 @@
 
 use std::sync::{Arc, OnceLock};
 
-use crate::accel::binned_sah::{PrimRef, SahCost};
+use crate::accel::binned_sah::SahCost;
+use crate::accel::build_threads::BuildThreads;
 use crate::accel::flags::RayFlags;
 use crate::accel::geometry_data::GeometryKind;
 use crate::accel::instance::TlasInstance;
 use crate::accel::motion::or_identity;
+use crate::accel::prim_ref::PrimRef;
 use crate::accel::rules::is_opaque;
 use crate::accel::transform::IDENTITY;
 use crate::accel::wide_bvh::WideBvh;
@@ -268,9 +270,7 @@ impl Tlas {
             };
             boxes.push(PrimRef::new(&world_bounds, number as u32));
         }
-        WideBvh::from_prim_refs(
-            boxes,
-            SahCost { max_leaf_size: 1, traversal: 4.0, intersection: 0.0, split_below: 1.0 },
-        )
+        let cost = SahCost { max_leaf_size: 1, traversal: 4.0, intersection: 0.0, split_below: 1.0 };
+        BuildThreads::build(boxes.len(), |threads| WideBvh::from_prim_refs(boxes, cost, threads))
     }
 }

@@ -12,6 +12,7 @@ use crate::accel::micromap::is_two_state;
 use crate::accel::node::NodeRef;
 use crate::accel::observer::{InstanceVerdict, PrimitiveVerdict, TraversalObserver};
 use crate::accel::opaque_traversal::{OpaqueInstance, OpaqueTraversal, WorldTraversal};
+use crate::accel::primitive_numbers::GeomPrim;
 use crate::accel::rules::{
     apply_flip_facing, is_culled_by_face, is_culled_by_opacity, is_opaque, is_skipped, is_visible,
 };
@@ -334,7 +335,7 @@ impl<V: TraversalObserver, const FULLY_OPAQUE: bool> Traversal<'_, V, FULLY_OPAQ
                 }
             }
             if child.is_leaf() {
-                built.prefetch_geom_prims(child);
+                built.prefetch_numbers(child);
                 let maybe_hit = self.maybe_hit_mask(simd, built, child);
                 if maybe_hit == 0 {
                     continue;
@@ -412,15 +413,11 @@ impl<V: TraversalObserver, const FULLY_OPAQUE: bool> Traversal<'_, V, FULLY_OPAQ
             if culled && micromap.is_none() && !self.observer.explains_misses() {
                 continue;
             }
-            let hit_primitive = || {
-                let geom_prim = built.geom_prim(leaf, lane);
-                HitPrimitive {
-                    instance: number,
-                    geometry: geom_prim.geometry,
-                    primitive: geom_prim.primitive,
-                }
-            };
-            if V::is_active() && built.has_split_primitives() && !self.hits.is_first_report(hit_primitive()) {
+            let at = (number, leaf, lane);
+            if V::is_active()
+                && built.has_split_primitives()
+                && !self.hits.is_first_report(hit_primitive(built, at))
+            {
                 continue;
             }
             let leaf_hit = self
@@ -435,16 +432,19 @@ impl<V: TraversalObserver, const FULLY_OPAQUE: bool> Traversal<'_, V, FULLY_OPAQ
                 found => found,
             };
             let Some(found) = found.filter(|found| V::is_active() || found.t <= self.hits.cull_t) else {
-                let verdict = if self.observer.explains_misses() {
-                    let ray = self.traversal.instance_ray.object_ray(self.tlas, self.trace);
-                    missed_or_outside(self.tlas, hit_primitive(), built, leaf, lane, ray, self.trace.time)
-                } else {
-                    PrimitiveVerdict::Missed
-                };
-                self.observer.primitive(hit_primitive(), verdict);
+                // Where nobody asks, the number of what was missed is not read.
+                if V::is_active() {
+                    let verdict = if self.observer.explains_misses() {
+                        let ray = self.traversal.instance_ray.object_ray(self.tlas, self.trace);
+                        missed_or_outside(self.tlas, built, at, ray, self.trace.time)
+                    } else {
+                        PrimitiveVerdict::Missed
+                    };
+                    self.observer.primitive(hit_primitive(built, at), verdict);
+                }
                 continue;
             };
-            let hit_primitive = hit_primitive();
+            let hit_primitive = hit_primitive(built, at);
             let found = Intersection { surface: apply_flip_facing(found.surface, instance.flags), ..found };
             if let Some(micromap) = micromap {
                 let opacity = micromap.opacity(hit_primitive.primitive, found.attributes);
@@ -484,19 +484,24 @@ impl<V: TraversalObserver, const FULLY_OPAQUE: bool> Traversal<'_, V, FULLY_OPAQ
     }
 }
 
+/// The primitive in a lane of a leaf, in the instance of a number.
+#[inline(always)]
+fn hit_primitive(built: &BuiltBlas, (instance, leaf, lane): (u32, NodeRef, usize)) -> HitPrimitive {
+    let GeomPrim { geometry, primitive } = built.geom_prim(leaf, lane);
+    HitPrimitive { instance, geometry, primitive }
+}
+
 /// Says why a primitive was not hit, by testing it again over all t >= 0.
 #[cold]
 fn missed_or_outside(
     tlas: &Tlas,
-    hit_primitive: HitPrimitive,
     built: &BuiltBlas,
-    leaf: NodeRef,
-    lane: usize,
+    (instance, leaf, lane): (u32, NodeRef, usize),
     ray: &ObjectRay,
     time: f32,
 ) -> PrimitiveVerdict {
     let whole = ray.world().with_interval(0.0, f32::INFINITY);
-    tlas.object_ray(hit_primitive.instance, &whole, time)
+    tlas.object_ray(instance, &whole, time)
         .and_then(|whole| built.intersect(leaf, lane, &whole, time, tlas.precision()))
         .map_or(PrimitiveVerdict::Missed, PrimitiveVerdict::OutsideInterval)
 }

@@ -88,10 +88,9 @@ pub(super) fn geometries(geometries: &[Geometry]) -> Vec<Error> {
                 found(mistake);
             }
         }
-        if primitives > MAX_PRIMITIVES {
-            found(format!("{primitives} primitives: 2^29 - 1 is the most (maxPrimitiveCount)"));
-        }
     }
+    let counts = geometries.iter().map(|geometry| geometry.data.primitive_count());
+    mistakes.extend(too_many(counts).map(|text| Error::new(ErrorKind::InvalidScene, text)));
     if mistakes.is_empty() {
         // Only now does every primitive name vertices that exist.
         mistakes.extend(geometries.iter().enumerate().filter_map(|(index, geometry)| {
@@ -100,6 +99,17 @@ pub(super) fn geometries(geometries: &[Geometry]) -> Vec<Error> {
         }));
     }
     mistakes
+}
+
+/// What is wrong if geometries of these numbers of primitives have too many together.
+fn too_many(counts: impl Iterator<Item = usize>) -> Option<String> {
+    let total = counts.fold(0, usize::saturating_add);
+    (total > MAX_PRIMITIVES).then(|| {
+        format!(
+            "a BLAS of {total} primitives: 2^29 - 1 in all geometries is the most (maxPrimitiveCount, \
+             VUID-VkAccelerationStructureBuildGeometryInfoKHR-type-03794 for boxes, 03795 for triangles)"
+        )
+    })
 }
 
 fn check_triples(vertices: usize, indices: Option<&[u32]>, found: &mut impl FnMut(String)) {
@@ -177,4 +187,19 @@ fn negative_radius(data: &GeometryData) -> Option<String> {
         let radius = radii.into_iter().find(|&radius| radius < 0.0)?;
         Some(format!("primitive {primitive} has the negative radius {radius} ({vuid})"))
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn all_geometries_together_may_be_too_many() {
+        assert_eq!(too_many([1 << 28, (1 << 28) - 1].into_iter()), None);
+        let message = too_many([1 << 28, 0, 1 << 28].into_iter()).expect("one too many");
+        assert!(
+            message.contains("536870912 primitives") && message.contains("03795 for triangles"),
+            "{message}"
+        );
+    }
 }

@@ -8,17 +8,19 @@
 pub(super) mod growth;
 
 use std::ops::Range;
-use std::sync::Mutex;
 
 use smallvec::SmallVec;
 
-use crate::accel::binned_sah::{BinnedSahBuilder, BuildRecord, INFINITY_PROXY, PrimRef, SahCost};
+use crate::accel::binned_sah::{BinnedSahBuilder, Children, SahCost};
+use crate::accel::build_record::BuildRecord;
+use crate::accel::build_threads::{BuildThreads, PARALLEL_BUILD_MIN};
+use crate::accel::chunked_partition::record_of_chunks;
 use crate::accel::geometry_data::bytes_of;
 use crate::accel::node::{Node, NodeRef, WIDTH};
-use crate::accel::trav_ray::{round_down, round_up};
+use crate::accel::prim_ref::{INFINITY_PROXY, PrimRef};
+use crate::accel::unit_cube::scale_boxes;
 use crate::accel::world_space_ray::WorldSpaceTree;
 use crate::geometry::Bounds;
-use crate::math::f32x4::F32x4;
 use crate::math::lane_ops::{CpuTier, LaneOps, LaneTask};
 use crate::math::prefetch::prefetch;
 
@@ -29,15 +31,12 @@ const MAX_SAH_DEPTH: usize = 32;
 /// The padding in tree order behind a leaf that is not full.
 pub(super) const PADDING: u32 = u32::MAX;
 
-/// A subtree over more boxes than this is built by several threads in parallel.
-const PARALLEL_BUILD_MIN: usize = 16_384;
-
 /// A bounding volume hierarchy over numbered boxes, with nodes of up to [`WIDTH`] children.
 #[derive(Clone, Debug)]
 pub(super) struct WideBvh {
     nodes: Vec<Node>,
     /// For each node the leaves that are worth prefetching: the index of the first times
-    /// [`LEAF_RANGE_RADIX`], plus their number.
+    /// [`LEAF_RANGE_RADIX`], plus their number. Empty where none is prefetched.
     leaves: Vec<u32>,
     root: NodeRef,
     depth: usize,
@@ -57,31 +56,41 @@ impl WideBvh {
     /// Builds a BVH over boxes that are numbered in their order.
     #[cfg(test)]
     pub(super) fn build(boxes: &[Bounds], cost: SahCost) -> Option<(Self, Vec<u32>)> {
-        Self::from_prim_refs(numbered(boxes), cost)
+        Self::from_prim_refs(numbered(boxes), cost, BuildThreads::One)
     }
 
     /// Builds a BVH; returns with it the numbers of the boxes in tree order. Leaves start at
     /// multiples of the leaf size; [`PADDING`] fills those that are shorter. Boxes must hold no NaN
     /// and have min <= max; sides may be infinite. `None` for no boxes.
-    pub(super) fn from_prim_refs(boxes: Vec<PrimRef>, cost: SahCost) -> Option<(Self, Vec<u32>)> {
-        Self::build_with_depth(boxes, cost, MAX_SAH_DEPTH)
+    pub(super) fn from_prim_refs(
+        boxes: Vec<PrimRef>,
+        cost: SahCost,
+        threads: BuildThreads,
+    ) -> Option<(Self, Vec<u32>)> {
+        Self::build_with_depth(boxes, cost, MAX_SAH_DEPTH, threads)
     }
 
     fn build_with_depth(
         mut prim_refs: Vec<PrimRef>,
         cost: SahCost,
         max_sah_depth: usize,
+        threads: BuildThreads,
     ) -> Option<(Self, Vec<u32>)> {
         if prim_refs.is_empty() {
             return None;
         }
-        let (bounds, scale) = scale_boxes(&mut prim_refs);
-        let mut build = BvhBuilder::new(cost, max_sah_depth, false);
-        let root = build.build_subtree(&mut prim_refs, 0);
-        let leaves = build.nodes.iter().map(leaf_range).collect();
-        let BvhBuilder { nodes, order, depth, .. } = build;
+        let (bounds, scale) = scale_boxes(&mut prim_refs, threads);
+        let whole = record_of_chunks(&prim_refs, threads);
+        let parts = build_parts(&mut prim_refs, &whole, 0, cost, max_sah_depth, threads);
+        let Subtree { root, nodes, order, depth } =
+            threads.drop_while(prim_refs, || join(parts, cost.max_leaf_size, threads));
         let world_space = WorldSpaceTree::new(scale);
-        Some((Self { nodes, leaves, root, depth, bounds, scale, world_space }, order))
+        Some((Self { nodes, leaves: Vec::new(), root, depth, bounds, scale, world_space }, order))
+    }
+
+    /// Finds for each node which leaves are worth prefetching.
+    pub(super) fn find_leaves_to_prefetch(&mut self, threads: BuildThreads) {
+        self.leaves = threads.collect(self.nodes.len(), |node| leaf_range(&self.nodes[node]));
     }
 
     /// The inner node that a reference refers to.
@@ -102,7 +111,8 @@ impl WideBvh {
         self.nodes[0].shrink_box(slot);
     }
 
-    /// The leaves among a node's children that are worth prefetching; does not load the node.
+    /// The leaves among a node's children that are worth prefetching, which
+    /// [`Self::find_leaves_to_prefetch`] has found; does not load the node.
     #[inline(always)]
     pub(super) fn leaves_to_prefetch(&self, node: NodeRef) -> Range<usize> {
         let leaf_range = self.leaves[node.index()] as usize;
@@ -181,83 +191,36 @@ fn numbered(boxes: &[Bounds]) -> Vec<PrimRef> {
     boxes.iter().enumerate().map(|(number, one)| PrimRef::new(one, number as u32)).collect()
 }
 
-/// Scales boxes into the unit cube; returns the box around all as it was, and the scale.
-fn scale_boxes(prim_refs: &mut [PrimRef]) -> (Bounds, f64) {
-    let bounds = prim_refs.iter().fold(PrimRef::EMPTY, |all, one| all.union(one)).bounds();
-    let scale = scale_of(prim_refs, &bounds);
-    prim_refs.iter_mut().for_each(|prim_ref| *prim_ref = scaled(prim_ref, scale));
-    (bounds, scale)
-}
-
-/// The power of two that brings every finite coordinate of boxes into the unit cube.
-fn scale_of(boxes: &[PrimRef], around: &Bounds) -> f64 {
-    let sides = |one: &Bounds| {
-        let sides = one.min.iter().chain(&one.max).map(|x| x.abs());
-        sides.filter(|x| x.is_finite()).fold(0.0f32, f32::max)
-    };
-    let finite = around.min.iter().chain(&around.max).all(|x| x.is_finite());
-    let largest =
-        if finite { sides(around) } else { boxes.iter().map(|one| sides(&one.bounds())).fold(0.0, f32::max) };
-    if largest == 0.0 {
-        return 1.0;
-    }
-    // Between 2^-149 and 2^128, so that its reciprocal is a normal f64.
-    let mut power = 1.0f64;
-    while power < f64::from(largest) {
-        power *= 2.0;
-    }
-    while power * 0.5 >= f64::from(largest) {
-        power *= 0.5;
-    }
-    1.0 / power
-}
-
-/// A box in scaled units, rounded outwards; infinite sides lie at ±[`INFINITY_PROXY`].
-#[inline]
-fn scaled(prim_ref: &PrimRef, scale: f64) -> PrimRef {
-    let factor = scale as f32;
-    let corners = [prim_ref.low(), prim_ref.negated_high()];
-    let scaled = corners.map(|corner| corner * F32x4::splat(factor));
-    // Exact where no number is infinite or subnormal.
-    let exact = |corner: F32x4, scaled: F32x4| {
-        let normal = scaled.abs().cmp_ge(F32x4::splat(f32::MIN_POSITIVE));
-        let zero = F32x4::ZERO.cmp_ge(corner.abs());
-        F32x4::splat(1.0).cmp_ge(scaled.abs()) & (normal | zero)
-    };
-    if factor.is_normal() && exact(corners[0], scaled[0]) & exact(corners[1], scaled[1]) & 0b111 == 0b111 {
-        return PrimRef::from_corners(scaled, prim_ref.number());
-    }
-    let inside = |x: f32| if x.is_finite() { x } else { INFINITY_PROXY.copysign(x) };
-    let Bounds { min, max } = prim_ref.bounds();
-    let min = min.map(|x| inside(round_down(f64::from(x) * scale)));
-    let max = max.map(|x| inside(round_up(f64::from(x) * scale)));
-    PrimRef::new(&Bounds { min, max }, prim_ref.number())
+/// A part of a tree in depth-first order. References count from its first node and its first leaf.
+#[derive(Debug, Default)]
+struct Subtree {
+    root: NodeRef,
+    nodes: Vec<Node>,
+    /// The numbers of the boxes in leaves, in tree order and with padding.
+    order: Vec<u32>,
+    /// The number of nodes on the longest path from the root of the whole tree.
+    depth: usize,
 }
 
 /// A BVH while it is built.
 #[derive(Debug)]
 struct BvhBuilder {
-    /// Whether one thread builds it, without starting others.
-    single_threaded: bool,
+    threads: BuildThreads,
     cost: SahCost,
     max_sah_depth: usize,
-    nodes: Vec<Node>,
-    order: Vec<u32>,
-    /// The number of nodes on the longest path from the root of the whole tree so far.
-    depth: usize,
+    tree: Subtree,
     builder: BinnedSahBuilder,
     cpu_tier: CpuTier,
 }
-
-/// For each child of a node the number of references, and whether it is a leaf.
-type ChildSizes = SmallVec<[(usize, bool); WIDTH]>;
 
 /// The arguments of [`BinnedSahBuilder::divide`], as a task.
 struct Divide<'a> {
     builder: &'a mut BinnedSahBuilder,
     prim_refs: &'a mut [PrimRef],
+    whole: &'a BuildRecord,
     cost: &'a SahCost,
     median_split: bool,
+    threads: BuildThreads,
 }
 
 impl LaneTask for Divide<'_> {
@@ -265,144 +228,168 @@ impl LaneTask for Divide<'_> {
 
     #[inline(always)]
     fn run<V: LaneOps>(self, simd: V) {
-        self.builder.divide(simd, self.prim_refs, self.cost, self.median_split);
+        let Self { builder, prim_refs, whole, cost, median_split, threads } = self;
+        builder.divide(simd, prim_refs, whole, cost, median_split, threads);
     }
 }
 
 impl BvhBuilder {
-    fn new(cost: SahCost, max_sah_depth: usize, single_threaded: bool) -> Self {
+    fn new(cost: SahCost, max_sah_depth: usize, threads: BuildThreads) -> Self {
         assert!(cost.max_leaf_size.is_power_of_two(), "bug in anyhit: leaves of {}", cost.max_leaf_size);
         Self {
-            single_threaded,
+            threads,
             cost,
             max_sah_depth,
-            nodes: Vec::new(),
-            order: Vec::new(),
-            depth: 0,
+            tree: Subtree::default(),
             builder: BinnedSahBuilder::new(),
             cpu_tier: CpuTier::new(),
         }
     }
 
-    /// Builds the subtree over references.
-    fn build_subtree(&mut self, prim_refs: &mut [PrimRef], depth: usize) -> NodeRef {
+    /// Builds the subtree over references, those of a record.
+    fn build_subtree(&mut self, prim_refs: &mut [PrimRef], whole: &BuildRecord, depth: usize) -> NodeRef {
         if prim_refs.len() == 1 {
             return self.make_leaf(prim_refs);
         }
-        self.divide(prim_refs, depth);
-        let records = self.child_sizes();
-        if let [(_, true)] = records[..] {
+        let children = self.divide(prim_refs, whole, depth);
+        if let [BuildRecord { is_leaf: true, .. }] = children[..] {
             return self.make_leaf(prim_refs);
         }
-        let node_index = self.nodes.len();
-        self.depth = self.depth.max(depth + 1);
-        self.nodes.push(self.divided_node());
-        if !self.single_threaded && prim_refs.len() > PARALLEL_BUILD_MIN && rayon::current_num_threads() > 1 {
-            self.build_children_in_parallel(node_index, &records, prim_refs, depth);
-            return NodeRef::inner(node_index);
-        }
+        let node_index = self.tree.nodes.len();
+        self.tree.depth = self.tree.depth.max(depth + 1);
+        self.tree.nodes.push(node_over(&children));
         let mut rest = prim_refs;
-        for (slot, (count, is_leaf)) in records.into_iter().enumerate() {
-            let (these, others) = rest.split_at_mut(count);
-            let child = if is_leaf { self.make_leaf(these) } else { self.build_subtree(these, depth + 1) };
-            self.nodes[node_index].set_child(slot, child);
+        for (slot, record) in children.iter().enumerate() {
+            let (these, others) = rest.split_at_mut(record.count());
+            let child = if record.is_leaf {
+                self.make_leaf(these)
+            } else {
+                self.build_subtree(these, record, depth + 1)
+            };
+            self.tree.nodes[node_index].set_child(slot, child);
             rest = others;
         }
         NodeRef::inner(node_index)
     }
 
-    /// Divides references among the children of a node.
-    fn divide(&mut self, prim_refs: &mut [PrimRef], depth: usize) {
+    /// Divides references, those of a record, among the children of a node.
+    fn divide(&mut self, prim_refs: &mut [PrimRef], whole: &BuildRecord, depth: usize) -> Children {
         let median_split = depth >= self.max_sah_depth;
-        let divide = Divide { builder: &mut self.builder, prim_refs, cost: &self.cost, median_split };
+        let Self { builder, cost, threads, .. } = self;
+        let divide = Divide { builder, prim_refs, whole, cost, median_split, threads: *threads };
         self.cpu_tier.run(divide);
-    }
-
-    /// The sizes of the children that [`Self::divide`] made last.
-    fn child_sizes(&self) -> ChildSizes {
-        self.builder.records().map(|record| (record.count(), record.is_leaf())).collect()
-    }
-
-    /// The node over the children that [`Self::divide`] made last, whose references are not set.
-    fn divided_node(&self) -> Node {
-        let boxes = self.builder.records().map(|record| (NodeRef::default(), corners(record)));
-        Node::new(&boxes.collect::<SmallVec<[_; WIDTH]>>())
+        self.builder.children()
     }
 
     /// Makes a leaf: appends its references to the order from the next multiple of the leaf size
     /// on.
     fn make_leaf(&mut self, prim_refs: &[PrimRef]) -> NodeRef {
         self.pad_order();
-        let index = self.order.len() >> self.cost.max_leaf_size.trailing_zeros();
-        self.order.extend(prim_refs.iter().map(PrimRef::number));
+        let order = &mut self.tree.order;
+        let index = order.len() >> self.cost.max_leaf_size.trailing_zeros();
+        order.extend(prim_refs.iter().map(PrimRef::number));
         NodeRef::leaf(index, prim_refs.len())
-    }
-
-    /// Builds the subtrees of a node by several threads; the nodes and the order are the same as on
-    /// one thread.
-    ///
-    /// It spawns threads instead of using rayon's pool: a thread of the pool that waits here would
-    /// steal other work, which may wait for this very tree.
-    fn build_children_in_parallel(
-        &mut self,
-        node_index: usize,
-        records: &[(usize, bool)],
-        prim_refs: &mut [PrimRef],
-        depth: usize,
-    ) {
-        let (cost, max_sah_depth) = (self.cost, self.max_sah_depth);
-        let count = records.len();
-        let mut rest = prim_refs;
-        let mut slices = SmallVec::<[_; WIDTH]>::new();
-        for &(count, is_leaf) in records {
-            let (these, others) = rest.split_at_mut(count);
-            slices.push((is_leaf, these));
-            rest = others;
-        }
-        let jobs = Mutex::new(slices.into_iter().enumerate());
-        let done = Mutex::new((0..count).map(|_| None).collect::<Vec<Option<(Self, NodeRef)>>>());
-        let work = || {
-            loop {
-                let job = jobs.lock().expect("bug in anyhit: a thread that builds has panicked").next();
-                let Some((slot, (is_leaf, these))) = job else { return };
-                let mut own = Self::new(cost, max_sah_depth, true);
-                let child = if is_leaf { own.make_leaf(these) } else { own.build_subtree(these, depth + 1) };
-                done.lock().expect("bug in anyhit: a thread that builds has panicked")[slot] =
-                    Some((own, child));
-            }
-        };
-        std::thread::scope(|scope| {
-            for _ in 1..rayon::current_num_threads().min(count) {
-                scope.spawn(work);
-            }
-            work();
-        });
-        let done = done.into_inner().expect("bug in anyhit: a thread that builds has panicked");
-        for (slot, (own, child)) in done.into_iter().flatten().enumerate() {
-            let child = self.append(own, child);
-            self.nodes[node_index].set_child(slot, child);
-        }
     }
 
     /// Pads the order, so that the next leaf begins at its end.
     fn pad_order(&mut self) {
         // A power of two.
         let last = self.cost.max_leaf_size - 1;
-        self.order.resize((self.order.len() + last) & !last, PADDING);
+        let order = &mut self.tree.order;
+        order.resize((order.len() + last) & !last, PADDING);
     }
+}
 
-    /// Appends a subtree that another thread has built; returns its root in this tree.
-    fn append(&mut self, own: Self, root: NodeRef) -> NodeRef {
-        self.pad_order();
-        let (nodes, leaves) = (self.nodes.len(), self.order.len() / self.cost.max_leaf_size);
-        self.order.extend(own.order);
-        self.depth = self.depth.max(own.depth);
-        self.nodes.extend(own.nodes.into_iter().map(|mut node| {
-            node.offset_children(nodes, leaves);
-            node
-        }));
-        root.offset_by(nodes, leaves)
+/// The node over children whose references are not set yet.
+#[inline]
+fn node_over(children: &[BuildRecord]) -> Node {
+    let boxes = children.iter().map(|record| (NodeRef::default(), corners(record)));
+    Node::new(&boxes.collect::<SmallVec<[_; WIDTH]>>())
+}
+
+/// Builds the tree over references, those of a record, as parts that follow one another in depth-first order. Several
+/// threads make a part of each subtree that is small enough, and of each node above.
+fn build_parts(
+    prim_refs: &mut [PrimRef],
+    whole: &BuildRecord,
+    depth: usize,
+    cost: SahCost,
+    max_sah_depth: usize,
+    threads: BuildThreads,
+) -> Vec<Subtree> {
+    let mut builder = BvhBuilder::new(cost, max_sah_depth, threads);
+    if threads == BuildThreads::One || prim_refs.len() <= PARALLEL_BUILD_MIN {
+        // Usually enough.
+        builder.tree.nodes.reserve(prim_refs.len() / 4);
+        builder.tree.order.reserve(prim_refs.len() + prim_refs.len() / 4);
+        builder.tree.root = builder.build_subtree(prim_refs, whole, depth);
+        builder.pad_order();
+        return vec![builder.tree];
     }
+    let records = builder.divide(prim_refs, whole, depth);
+    let mut node = node_over(&records);
+    let mut rest = prim_refs;
+    let mut children = Vec::with_capacity(WIDTH);
+    for &record in records.iter() {
+        let (these, others) = rest.split_at_mut(record.count());
+        children.push((these, record));
+        rest = others;
+    }
+    let children = threads.map(children, |(these, record)| {
+        if !record.is_leaf {
+            return build_parts(these, &record, depth + 1, cost, max_sah_depth, threads);
+        }
+        let mut builder = BvhBuilder::new(cost, max_sah_depth, threads);
+        builder.tree.root = builder.make_leaf(these);
+        builder.pad_order();
+        vec![builder.tree]
+    });
+    let (mut nodes, mut leaves) = (1, 0);
+    for (slot, parts) in children.iter().enumerate() {
+        node.set_child(slot, parts[0].root.offset_by(nodes, leaves));
+        nodes += parts.iter().map(|part| part.nodes.len()).sum::<usize>();
+        leaves += parts.iter().map(|part| part.order.len()).sum::<usize>() / cost.max_leaf_size;
+    }
+    let root = NodeRef::inner(0);
+    let above = Subtree { root, nodes: vec![node], order: Vec::new(), depth: depth + 1 };
+    std::iter::once(above).chain(children.into_iter().flatten()).collect()
+}
+
+/// Joins parts that follow one another.
+fn join(mut parts: Vec<Subtree>, leaf_size: usize, threads: BuildThreads) -> Subtree {
+    if parts.len() == 1 {
+        let mut whole = parts.remove(0);
+        whole.nodes.shrink_to_fit();
+        whole.order.shrink_to_fit();
+        return whole;
+    }
+    let (root, depth) = (parts[0].root, parts.iter().map(|part| part.depth).max().unwrap_or(0));
+    let mut starts = Vec::with_capacity(parts.len());
+    let (mut node_count, mut order_count) = (0, 0);
+    for part in &parts {
+        starts.push((node_count, order_count));
+        node_count += part.nodes.len();
+        order_count += part.order.len();
+    }
+    let nodes = threads.collect(node_count, |at| {
+        // Parts without nodes start where the next one does.
+        let part = starts.partition_point(|&(first_node, _)| first_node <= at) - 1;
+        let (first_node, first_in_order) = starts[part];
+        let mut node = parts[part].nodes[at - first_node];
+        node.offset_children(first_node, first_in_order / leaf_size);
+        node
+    });
+    let mut order = vec![0; order_count];
+    let mut rest = &mut order[..];
+    let mut copies = Vec::with_capacity(parts.len());
+    for part in &parts {
+        let (to, others) = rest.split_at_mut(part.order.len());
+        copies.push((to, &part.order));
+        rest = others;
+    }
+    threads.map(copies, |(to, from)| to.copy_from_slice(from));
+    threads.map(parts, drop);
+    Subtree { root, nodes, order, depth }
 }
 
 /// The corners of a record as a node stores them, with infinite sides.
@@ -415,6 +402,7 @@ fn corners(record: &BuildRecord) -> [[f32; 3]; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::math::random::Random;
 
     const FOURS: SahCost = SahCost { max_leaf_size: 4, traversal: 1.0, intersection: 0.5, split_below: 1.0 };
 
@@ -521,13 +509,15 @@ mod tests {
         let cost = SahCost { split_below: 0.8, intersection: 0.0625, ..FOURS };
         // The leaves have 8 units of surface; the box around both has 8, then 12.
         for (away, wanted) in [(2.0, 0..2), (4.0, 0..0)] {
-            let (bvh, _) = WideBvh::build(&squares(2, away), cost).expect("not empty");
+            let (mut bvh, _) = WideBvh::build(&squares(2, away), cost).expect("not empty");
+            bvh.find_leaves_to_prefetch(BuildThreads::One);
             assert_eq!(leaves_of_root(&bvh), [4; 2]);
             assert_eq!(bvh.leaves_to_prefetch(bvh.root()), wanted, "{away}");
         }
         // For every node in a large tree they are its own leaves, or none.
         let boxes = boxes(20_000, 1.0);
-        let (bvh, _) = build(&boxes);
+        let (mut bvh, _) = build(&boxes);
+        bvh.find_leaves_to_prefetch(BuildThreads::One);
         let mut open = vec![bvh.root()];
         while let Some(node) = open.pop() {
             let (leaves, inner): (Vec<_>, Vec<_>) =
@@ -540,16 +530,33 @@ mod tests {
 
     #[test]
     fn several_threads_build_what_one_builds() {
-        let boxes = boxes(3 * PARALLEL_BUILD_MIN, 1.0);
-        let (bvh, order) = build(&boxes);
-        check(&bvh, &order, &boxes);
-        assert_eq!(bvh.depth(), depth(&bvh));
-        let mut prim_refs = numbered(&boxes);
-        prim_refs.iter_mut().for_each(|prim_ref| *prim_ref = scaled(prim_ref, bvh.scale()));
-        let mut single = BvhBuilder::new(FOURS, MAX_SAH_DEPTH, true);
-        assert_eq!(single.build_subtree(&mut prim_refs, 0), bvh.root());
-        assert_eq!(single.order, order);
-        assert_eq!(format!("{:?}", single.nodes), format!("{:?}", bvh.nodes));
+        let mut random = Random::new(3);
+        // Scattered, on a grid with many ties, all at one place, and some without end.
+        let mut many: [Vec<Bounds>; 4] = std::array::from_fn(|_| boxes(6 * PARALLEL_BUILD_MIN, 1.0));
+        for one in &mut many[1] {
+            let min = one.min.map(|x| (x * 9.0).floor() - 4.0);
+            *one = Bounds { min: min.map(|x| if random.below(2) == 0 { x } else { -x }), max: [9.0; 3] };
+        }
+        many[2].fill(Bounds { min: [1.0; 3], max: [1.0; 3] });
+        for one in many[3].iter_mut().step_by(1000) {
+            one.max[random.below(3) as usize] = f32::INFINITY;
+        }
+        for boxes in &many {
+            let (whole, order) = build(boxes);
+            check(&whole, &order, boxes);
+            for count in [1, 2, 5] {
+                let (bvh, same) = BuildThreads::build_in_pool(count, |threads| {
+                    let tree = WideBvh::from_prim_refs(numbered(boxes), FOURS, threads);
+                    let (mut bvh, order) = tree.expect("not empty");
+                    bvh.find_leaves_to_prefetch(threads);
+                    (bvh, order)
+                });
+                assert_eq!(same, order);
+                assert_eq!((bvh.root, bvh.depth, bvh.bounds), (whole.root, whole.depth, whole.bounds));
+                assert_eq!(format!("{:?}", bvh.nodes), format!("{:?}", whole.nodes));
+                assert_eq!(bvh.leaves, whole.nodes.iter().map(leaf_range).collect::<Vec<_>>());
+            }
+        }
     }
 
     #[test]
@@ -568,7 +575,8 @@ mod tests {
     #[test]
     fn a_tree_that_is_too_deep_is_balanced_below() {
         let boxes = boxes(5_000, 1.0);
-        let (bvh, order) = WideBvh::build_with_depth(numbered(&boxes), FOURS, 2).expect("not empty");
+        let (bvh, order) =
+            WideBvh::build_with_depth(numbered(&boxes), FOURS, 2, BuildThreads::One).expect("not empty");
         check(&bvh, &order, &boxes);
         // Two levels of clustering, then quarters of at most 5,000 down to 4: six levels at most.
         assert!(depth(&bvh) <= 8, "{}", depth(&bvh));

@@ -2,10 +2,13 @@
 
 use std::sync::Arc;
 
-use crate::accel::built_blas::build::{CollectedPrimitives, common_flags, cost_of};
-use crate::accel::built_blas::{BuiltBlas, GeomPrim, PrimitiveBlocks};
-use crate::accel::geometry::{Geometry, primitive_count};
+use crate::accel::build_threads::BuildThreads;
+use crate::accel::built_blas::build::{common_flags, cost_of};
+use crate::accel::built_blas::collect::CollectedPrimitives;
+use crate::accel::built_blas::{BuiltBlas, PrimitiveBlocks};
+use crate::accel::geometry::Geometry;
 use crate::accel::node::Node;
+use crate::accel::primitive_numbers::PrimitiveNumbers;
 use crate::accel::wide_bvh::growth::BvhGrowth;
 
 /// The parts that are built, and what the others are made of. Rays find in them what they would
@@ -14,28 +17,28 @@ use crate::accel::wide_bvh::growth::BvhGrowth;
 pub(in crate::accel) struct PartialBlas {
     built: Arc<BuiltBlas>,
     growth: BvhGrowth,
-    /// By the number of a box.
-    geom_prims: Vec<GeomPrim>,
 }
 
 impl PartialBlas {
     /// Begins with nothing but the boxes of all primitives, none of which moves; `None` where no
     /// more than `most_whole` are active.
     pub(in crate::accel) fn begin(geometries: &[Geometry], most_whole: usize) -> Option<Self> {
-        let collected = CollectedPrimitives::with_boxes(geometries, primitive_count(geometries));
+        let numbers = PrimitiveNumbers::new(geometries);
+        let collected = CollectedPrimitives::new(geometries, &numbers, BuildThreads::One);
         if collected.boxes.len() <= most_whole {
             return None;
         }
         let (bvh, growth) = BvhGrowth::begin(collected.boxes, cost_of(geometries));
         let built = BuiltBlas {
-            blocks: PrimitiveBlocks::of(geometries, &[]),
-            geom_prims: Vec::new(),
+            blocks: PrimitiveBlocks::of(geometries, &numbers, &[], BuildThreads::One),
+            order: Vec::new(),
+            numbers,
             has_split_primitives: collected.has_split_primitives,
             bounds: *bvh.bounds(),
             bvh: Some(bvh),
             common_flags: common_flags(geometries),
         };
-        Some(Self { built: Arc::new(built), growth, geom_prims: collected.geom_prims })
+        Some(Self { built: Arc::new(built), growth })
     }
 
     /// What is built so far.
@@ -59,11 +62,9 @@ impl PartialBlas {
             // Copies only what rays hold that are under way.
             let built = Arc::make_mut(&mut self.built);
             built.bvh.iter_mut().for_each(|bvh| self.growth.divide(bvh, &open));
-            let new = &self.growth.order()[built.geom_prims.len()..];
-            let at = |&number: &u32| self.geom_prims.get(number as usize).copied().unwrap_or(GeomPrim::NONE);
-            let added: Vec<GeomPrim> = new.iter().map(at).collect();
-            built.blocks.append(PrimitiveBlocks::of(geometries, &added));
-            built.geom_prims.extend(added);
+            let new = &self.growth.order()[built.order.len()..];
+            built.blocks.append(PrimitiveBlocks::of(geometries, &built.numbers, new, BuildThreads::One));
+            built.order.extend(new);
         }
         self.built.clone()
     }

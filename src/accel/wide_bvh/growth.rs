@@ -8,9 +8,14 @@ use std::ops::Range;
 
 use rustc_hash::FxHashMap;
 
-use crate::accel::binned_sah::{PrimRef, SahCost};
+use crate::accel::binned_sah::SahCost;
+use crate::accel::build_record::BuildRecord;
+use crate::accel::build_threads::BuildThreads;
+use crate::accel::chunked_partition::record_of_chunks;
 use crate::accel::node::{Node, NodeRef};
-use crate::accel::wide_bvh::{BvhBuilder, MAX_SAH_DEPTH, WideBvh, leaf_range, scale_boxes};
+use crate::accel::prim_ref::PrimRef;
+use crate::accel::unit_cube::scale_boxes;
+use crate::accel::wide_bvh::{BvhBuilder, MAX_SAH_DEPTH, WideBvh, leaf_range, node_over};
 use crate::accel::world_space_ray::WorldSpaceTree;
 
 /// A subtree over at most this many boxes is built as a whole.
@@ -30,6 +35,7 @@ pub(in crate::accel) struct BvhGrowth {
 struct Undivided {
     /// Its references.
     range: Range<usize>,
+    record: BuildRecord,
     depth: usize,
 }
 
@@ -38,14 +44,16 @@ impl BvhGrowth {
     /// There must be more boxes than fit into a leaf.
     pub(in crate::accel) fn begin(mut prim_refs: Vec<PrimRef>, cost: SahCost) -> (WideBvh, Self) {
         assert!(prim_refs.len() > cost.max_leaf_size, "bug in anyhit: a BVH of {} grows", prim_refs.len());
-        let (bounds, scale) = scale_boxes(&mut prim_refs);
+        let (bounds, scale) = scale_boxes(&mut prim_refs, BuildThreads::One);
         let root = NodeRef::inner(0);
         let world_space = WorldSpaceTree::new(scale);
         let bvh =
             WideBvh { nodes: vec![Node::EMPTY], leaves: vec![0], root, depth: 1, bounds, scale, world_space };
-        let all = Undivided { range: 0..prim_refs.len(), depth: 0 };
+        let record = record_of_chunks(&prim_refs, BuildThreads::One);
+        let all = Undivided { range: 0..prim_refs.len(), record, depth: 0 };
         let undivided = FxHashMap::from_iter([(root.index(), all)]);
-        (bvh, Self { prim_refs, undivided, builder: BvhBuilder::new(cost, MAX_SAH_DEPTH, true) })
+        let builder = BvhBuilder::new(cost, MAX_SAH_DEPTH, BuildThreads::One);
+        (bvh, Self { prim_refs, undivided, builder })
     }
 
     /// The nodes that a ray opens below the given ones and that are not divided yet.
@@ -74,50 +82,50 @@ impl BvhGrowth {
 
     /// The numbers of the boxes in leaves, in tree order and with padding. It grows at its end.
     pub(in crate::accel) fn order(&self) -> &[u32] {
-        &self.builder.order
+        &self.builder.tree.order
     }
 
     /// Divides nodes.
     pub(in crate::accel) fn divide(&mut self, bvh: &mut WideBvh, nodes: &[NodeRef]) {
-        std::mem::swap(&mut self.builder.nodes, &mut bvh.nodes);
+        std::mem::swap(&mut self.builder.tree.nodes, &mut bvh.nodes);
         for node in nodes {
-            if let Some(Undivided { range, depth }) = self.undivided.remove(&node.index()) {
-                self.divide_node(node.index(), range, depth);
-                bvh.leaves[node.index()] = leaf_range(&self.builder.nodes[node.index()]);
+            if let Some(undivided) = self.undivided.remove(&node.index()) {
+                self.divide_node(node.index(), undivided);
+                bvh.leaves[node.index()] = leaf_range(&self.builder.tree.nodes[node.index()]);
             }
         }
         self.builder.pad_order();
-        bvh.leaves.extend(self.builder.nodes[bvh.leaves.len()..].iter().map(leaf_range));
-        bvh.depth = self.builder.depth;
-        std::mem::swap(&mut self.builder.nodes, &mut bvh.nodes);
+        bvh.leaves.extend(self.builder.tree.nodes[bvh.leaves.len()..].iter().map(leaf_range));
+        bvh.depth = self.builder.tree.depth;
+        std::mem::swap(&mut self.builder.tree.nodes, &mut bvh.nodes);
     }
 
     /// Divides one node: makes its leaves and small subtrees, and undivided nodes of the others.
-    fn divide_node(&mut self, index: usize, range: Range<usize>, depth: usize) {
+    fn divide_node(&mut self, index: usize, Undivided { range, record, depth }: Undivided) {
         let Self { prim_refs, undivided, builder } = self;
         let mut first = range.start;
         let prim_refs = &mut prim_refs[range];
-        builder.depth = builder.depth.max(depth + 1);
-        builder.divide(prim_refs, depth);
-        let sizes = builder.child_sizes();
-        builder.nodes[index] = builder.divided_node();
-        let mut rest = prim_refs;
-        for (slot, (count, is_leaf)) in sizes.into_iter().enumerate() {
-            let (these, others) = rest.split_at_mut(count);
-            let child = if is_leaf {
+        builder.tree.depth = builder.tree.depth.max(depth + 1);
+        let children = builder.divide(prim_refs, &record, depth);
+        builder.tree.nodes[index] = node_over(&children);
+        let (mut rest, depth) = (prim_refs, depth + 1);
+        for (slot, record) in children.iter().copied().enumerate() {
+            let (these, others) = rest.split_at_mut(record.count());
+            let range = first..first + these.len();
+            first = range.end;
+            rest = others;
+            let child = if record.is_leaf {
                 builder.make_leaf(these)
-            } else if count <= MAX_WHOLE {
-                builder.build_subtree(these, depth + 1)
+            } else if these.len() <= MAX_WHOLE {
+                builder.build_subtree(these, &record, depth)
             } else {
-                let child = NodeRef::inner(builder.nodes.len());
-                builder.nodes.push(Node::EMPTY);
-                builder.depth = builder.depth.max(depth + 2);
-                undivided.insert(child.index(), Undivided { range: first..first + count, depth: depth + 1 });
+                let child = NodeRef::inner(builder.tree.nodes.len());
+                builder.tree.nodes.push(Node::EMPTY);
+                builder.tree.depth = builder.tree.depth.max(depth + 1);
+                undivided.insert(child.index(), Undivided { range, record, depth });
                 child
             };
-            builder.nodes[index].set_child(slot, child);
-            first += count;
-            rest = others;
+            builder.tree.nodes[index].set_child(slot, child);
         }
     }
 }
@@ -180,7 +188,8 @@ mod tests {
 
     #[test]
     fn a_grown_tree_is_the_whole_tree_however_it_grows() {
-        let (whole, whole_order) = WideBvh::from_prim_refs(boxes(20_000), COST).expect("not empty");
+        let (whole, whole_order) =
+            WideBvh::from_prim_refs(boxes(20_000), COST, BuildThreads::One).expect("not empty");
         let wanted = describe(&whole, &whole_order, whole.root());
         check_ranks(&whole, whole.root());
         for seed in 0..3 {
