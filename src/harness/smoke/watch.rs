@@ -130,10 +130,6 @@ impl<'a> StandIn<'a> {
 }
 
 impl PipelineObserver for StandIn<'_> {
-    fn observes_queries() -> bool {
-        true
-    }
-
     fn invocation(&mut self, launch_id: [u32; 3]) {
         self.launch_id = launch_id;
     }
