@@ -49,10 +49,11 @@ impl TraceOperands {
 
 /// All instructions with the index of their function.
 fn instructions(module: &Module) -> impl Iterator<Item = (u32, &Instruction)> {
-    module.functions.iter().enumerate().flat_map(|(at, function)| {
-        let all = function.blocks.iter().flat_map(|block| &block.instructions);
-        all.map(move |instruction| (at as u32, instruction))
-    })
+    module
+        .functions
+        .iter()
+        .enumerate()
+        .flat_map(|(at, function)| function.instructions().map(move |instruction| (at as u32, instruction)))
 }
 
 /// The constants that a value may be; `None` where it may be something else.

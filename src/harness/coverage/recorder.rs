@@ -179,8 +179,7 @@ impl Lines {
         if let Some(known) = self.modules.iter().find(|known| Arc::ptr_eq(&known.module, module)) {
             return known.instructions.clone();
         }
-        let blocks = module.functions.iter().flat_map(|function| &function.blocks);
-        let all = blocks.flat_map(|block| &block.instructions).map(|one| (one.offset, one.opcode));
+        let all = module.instructions().map(|one| (one.offset, one.opcode));
         let instructions: Arc<Vec<_>> = Arc::new(all.collect());
         self.modules.push(Listed { module: module.clone(), instructions: instructions.clone() });
         instructions

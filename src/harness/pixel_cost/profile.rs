@@ -94,7 +94,6 @@ struct ShaderFrames<'a> {
 impl<'a> ShaderFrames<'a> {
     fn new(shader: ShaderIndex, program: &'a Arc<Program>, names: &Names<'_>) -> Self {
         let label = names.shader(shader);
-        let blocks = program.module.functions.iter().flat_map(|function| &function.blocks);
         let file = match (label.file, label.name) {
             (Some(file), _) => file,
             (None, Some(name)) => name,
@@ -103,7 +102,7 @@ impl<'a> ShaderFrames<'a> {
         Self {
             program,
             entry: frame(&format!("{} {file}", program.stage.name())),
-            instructions: blocks.flat_map(|block| &block.instructions).map(|one| one.offset).collect(),
+            instructions: program.module.instructions().map(|one| one.offset).collect(),
         }
     }
 

@@ -138,9 +138,7 @@ impl UsedMemory<'_> {
     /// Whether the module makes acceleration structures of addresses.
     fn addresses_structures(&self) -> bool {
         const CONVERT: u16 = 4447;
-        let functions = self.module.functions.iter();
-        let blocks = functions.flat_map(|function| &function.blocks);
-        blocks.flat_map(|block| &block.instructions).any(|instruction| instruction.opcode == CONVERT)
+        self.module.instructions().any(|instruction| instruction.opcode == CONVERT)
     }
 
     /// What the instruction that trapped expects behind its address.
@@ -149,9 +147,7 @@ impl UsedMemory<'_> {
             return Some(FillContent::Structure);
         }
         let module = self.module;
-        let functions = module.functions.iter().flat_map(|function| &function.blocks);
-        let mut instructions = functions.flat_map(|block| &block.instructions);
-        let instruction = instructions.find(|instruction| instruction.offset == trapped.offset)?;
+        let instruction = module.instructions().find(|instruction| instruction.offset == trapped.offset)?;
         let pointers = module.operand_ids(instruction).into_iter();
         let mut found = pointers.filter_map(|id| physical_pointer(module, base(module, id)));
         found.next().map(FillContent::Pointer)

@@ -170,9 +170,7 @@ impl ShaderFacts {
 
 /// The words of the instructions of a module that are decorated `NoContraction`.
 pub(in crate::harness) fn no_contraction(module: &Module) -> HashSet<u32> {
-    let blocks = module.functions.iter().flat_map(|function| &function.blocks);
-    let instructions = blocks.flat_map(|block| &block.instructions);
-    let decorated = instructions.filter(|one| {
+    let decorated = module.instructions().filter(|one| {
         one.result.is_some_and(|id| module.decorations.find(id, number::NO_CONTRACTION).is_some())
     });
     decorated.map(|one| one.offset).collect()
