@@ -1,6 +1,6 @@
 //! Running a scene under the sanitizer.
 
-use std::collections::{BTreeMap, HashSet};
+use std::collections::HashSet;
 use std::sync::Arc;
 
 use crate::accel::Tlas;
@@ -19,6 +19,7 @@ use crate::sanitize::{
 use crate::scene::pass::PassWork;
 use crate::scene::unwritten::unwritten_memory;
 use crate::scene::{Assembled, ResolvedScene};
+use crate::sorted::SortedMap;
 
 /// What a run under the sanitizer gave: its statistics or its trap, and what was found until then.
 #[derive(Debug)]
@@ -65,7 +66,7 @@ pub fn run_sanitized(
     let mut findings = check_scene(scene, &reference, levels);
     let mut stats = Stats::default();
     // Rays by the pipeline that traces them, and those of compute shaders' ray queries.
-    let mut traced: BTreeMap<Option<usize>, SeenRays> = BTreeMap::new();
+    let mut traced: SortedMap<Option<usize>, SeenRays> = SortedMap::new();
     let mut queried = SeenRays::default();
     let mut unwritten = unwritten_memory(scene, resources);
     let mut sizes = Vec::new();

@@ -1,6 +1,6 @@
 //! Perturbed runs: every float result is moved at random within the errors that a device may make.
 
-use std::collections::{BTreeMap, HashMap, HashSet};
+use std::collections::{HashMap, HashSet};
 
 use crate::accel::Committed;
 use crate::debug::session::ResolvedRequest;
@@ -25,6 +25,7 @@ use crate::ops::{memory, ray_query};
 use crate::pipeline::Event;
 use crate::program::{Program, Terminator};
 use crate::scene::{Assembled, ResolvedScene};
+use crate::sorted::SortedMap;
 
 /// Runs a scene's passes several times, each time on a copy of its resources.
 ///
@@ -197,7 +198,7 @@ struct DecisionSite {
 #[derive(Default)]
 struct RunDecisions {
     decisions: DecisionLog,
-    divergences: BTreeMap<DecisionSite, u64>,
+    divergences: SortedMap<DecisionSite, u64>,
 }
 
 impl RunDecisions {
@@ -235,7 +236,7 @@ struct Perturber<'a> {
     /// made; `None` after it diverged.
     reference: Option<&'a DecisionLog>,
     progress: HashMap<InvocationKey, Option<usize>>,
-    divergences: BTreeMap<DecisionSite, u64>,
+    divergences: SortedMap<DecisionSite, u64>,
 }
 
 impl<'a> Perturber<'a> {
@@ -253,7 +254,7 @@ impl<'a> Perturber<'a> {
             decisions: HashMap::new(),
             reference,
             progress: HashMap::new(),
-            divergences: BTreeMap::new(),
+            divergences: SortedMap::new(),
         }
     }
 
