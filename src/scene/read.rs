@@ -221,7 +221,7 @@ impl<'a> TomlValue<'a> {
     /// Whether it is this word.
     pub fn is_word(&self, word: &'static str) -> bool {
         if let Some(recorder) = self.report.recorder() {
-            recorder.names(self.node.range.clone(), std::iter::once(word));
+            recorder.names(self.node.range.clone(), &[word]);
         }
         self.text() == Some(word)
     }

@@ -51,7 +51,7 @@ impl RequestRecorder {
     }
 
     /// The value at a place was read as one of some names.
-    pub(super) fn names(&self, value: Range<usize>, names: impl Iterator<Item = &'static str>) {
-        self.names.borrow_mut().push((value, names.collect()));
+    pub(super) fn names(&self, value: Range<usize>, names: &[&'static str]) {
+        self.names.borrow_mut().push((value, names.to_vec()));
     }
 }

@@ -7,7 +7,7 @@ use std::any::type_name;
 use serde_json::{Map, json};
 
 use crate::scene::read::recorder::{JsonSchema, Request, SchemaProbe};
-use crate::scene::read::{Diagnostics, Document, Named, Parse, TomlValue};
+use crate::scene::read::{Diagnostics, Document, Parse, TomlValue};
 use crate::scene::tree::{Toml, TomlNode};
 use crate::sorted::{SortedMap, SortedSet};
 
@@ -315,15 +315,6 @@ fn object(keys: &SortedMap<&'static str, JsonSchema>, required: &SortedSet<&str>
 }
 
 /// The schema of a closed set of names.
-pub(super) fn names<T: Named>() -> JsonSchema {
-    let mut names = Vec::new();
-    for (name, _) in T::NAMES {
-        names.push(*name);
-    }
-    one_of(&names)
-}
-
-/// The schema of one of these names.
-fn one_of(names: &[&str]) -> JsonSchema {
+pub(super) fn one_of(names: &[&str]) -> JsonSchema {
     json!({ "enum": names })
 }
