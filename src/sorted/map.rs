@@ -254,16 +254,16 @@ impl<K: fmt::Debug, V: fmt::Debug> fmt::Debug for SortedMap<K, V> {
 
 impl<K: Ord, V> FromIterator<(K, V)> for SortedMap<K, V> {
     fn from_iter<I: IntoIterator<Item = (K, V)>>(entries: I) -> Self {
-        let mut entries: Vec<(K, V)> = entries.into_iter().collect();
-        sort_by(&mut entries, |(one, _), (other, _)| one.cmp(other));
-        // Of equal keys, the last one stays.
-        entries.dedup_by(|later, earlier| {
-            let is_same = later.0 == earlier.0;
-            if is_same {
-                std::mem::swap(later, earlier);
+        let mut sorted: Vec<(K, V)> = entries.into_iter().collect();
+        sort_by(&mut sorted, |(one, _), (other, _)| one.cmp(other));
+        let mut entries: Vec<(K, V)> = Vec::with_capacity(sorted.len());
+        for entry in sorted {
+            match entries.last_mut() {
+                // Of equal keys, the last one stays.
+                Some(last) if last.0 == entry.0 => *last = entry,
+                _ => entries.push(entry),
             }
-            is_same
-        });
+        }
         Self { entries }
     }
 }
