@@ -1,8 +1,8 @@
 //! Maps and sets of few entries, as vectors in ascending order of their keys, and sorting of few
 //! items.
 //!
-//! They have the methods of `BTreeMap`, `BTreeSet` and slices that this crate uses, and compile to a
-//! tenth of the code for each type. In return, an insertion before other entries moves them, and
+//! They have the methods of `BTreeMap`, `BTreeSet` and slices that this crate uses, and compile to
+//! a tenth of the code for each type. In return, an insertion before other entries moves them, and
 //! sorting takes a call for each comparison. So these are for what a scene, a module or a report
 //! names, not for what a launch does.
 

@@ -28,8 +28,8 @@ pub(super) fn apply<
     registers: &mut DirectRegisters<W>,
     superop: &SuperOp,
 ) {
-    // The loops over operands are unrolled. Closures, or each operand by itself, would be a multiple
-    // of the code for each of the many instances of this function.
+    // The loops over operands are unrolled. Closures, or each operand by itself, would be a
+    // multiple of the code for each of the many instances of this function.
     let held = Lanes(*accumulator);
     let mut rows: Operands<_> = [&held; 6];
     let mut uniform = Operands::default();
