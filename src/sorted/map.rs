@@ -19,7 +19,7 @@ pub struct SortedMap<K, V> {
 
 /// The place of a key in a [`SortedMap`].
 #[derive(Debug)]
-pub struct Entry<'a, K, V> {
+pub struct MapEntry<'a, K, V> {
     map: &'a mut SortedMap<K, V>,
     /// Where the key is, or where it belongs.
     place: Result<usize, (usize, K)>,
@@ -48,8 +48,8 @@ impl<K, V> SortedMap<K, V> {
     }
 
     /// The entries in ascending order of their keys.
-    pub fn iter(&self) -> Iter<'_, K, V> {
-        Iter(self.entries.iter())
+    pub fn iter(&self) -> MapIter<'_, K, V> {
+        MapIter(self.entries.iter())
     }
 
     /// The entries in ascending order of their keys, with values that may be changed.
@@ -155,13 +155,13 @@ impl<K: Ord, V> SortedMap<K, V> {
     }
 
     /// The place of a key, to look at it and to fill it.
-    pub fn entry(&mut self, key: K) -> Entry<'_, K, V> {
+    pub fn entry(&mut self, key: K) -> MapEntry<'_, K, V> {
         let place = self.place(&key).map_err(|at| (at, key));
-        Entry { map: self, place }
+        MapEntry { map: self, place }
     }
 }
 
-impl<'a, K: Ord, V> Entry<'a, K, V> {
+impl<'a, K: Ord, V> MapEntry<'a, K, V> {
     /// The value of the key; a missing one is made.
     pub fn or_insert_with(self, make: impl FnOnce() -> V) -> &'a mut V {
         let at = match self.place {
@@ -199,9 +199,9 @@ impl<'a, K: Ord, V> Entry<'a, K, V> {
 
 /// The entries of a [`SortedMap`].
 #[derive(Clone, Debug)]
-pub struct Iter<'a, K, V>(std::slice::Iter<'a, (K, V)>);
+pub struct MapIter<'a, K, V>(std::slice::Iter<'a, (K, V)>);
 
-impl<'a, K, V> Iterator for Iter<'a, K, V> {
+impl<'a, K, V> Iterator for MapIter<'a, K, V> {
     type Item = (&'a K, &'a V);
 
     fn next(&mut self) -> Option<Self::Item> {
@@ -213,20 +213,20 @@ impl<'a, K, V> Iterator for Iter<'a, K, V> {
     }
 }
 
-impl<K, V> DoubleEndedIterator for Iter<'_, K, V> {
+impl<K, V> DoubleEndedIterator for MapIter<'_, K, V> {
     fn next_back(&mut self) -> Option<Self::Item> {
         self.0.next_back().map(|(key, value)| (key, value))
     }
 }
 
-impl<K, V> ExactSizeIterator for Iter<'_, K, V> {}
-impl<K, V> FusedIterator for Iter<'_, K, V> {}
+impl<K, V> ExactSizeIterator for MapIter<'_, K, V> {}
+impl<K, V> FusedIterator for MapIter<'_, K, V> {}
 
 impl<'a, K, V> IntoIterator for &'a SortedMap<K, V> {
     type Item = (&'a K, &'a V);
-    type IntoIter = Iter<'a, K, V>;
+    type IntoIter = MapIter<'a, K, V>;
 
-    fn into_iter(self) -> Iter<'a, K, V> {
+    fn into_iter(self) -> MapIter<'a, K, V> {
         self.iter()
     }
 }

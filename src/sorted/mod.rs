@@ -10,6 +10,6 @@ mod map;
 mod set;
 mod sort;
 
-pub use map::{Entry, SortedMap};
+pub use map::{MapEntry, MapIter, SortedMap};
 pub use set::SortedSet;
 pub use sort::{sort_by, sort_by_key};
