@@ -52,11 +52,6 @@ impl<K, V> SortedMap<K, V> {
         MapIter(self.entries.iter())
     }
 
-    /// The entries in ascending order of their keys, with values that may be changed.
-    pub fn iter_mut(&mut self) -> impl Iterator<Item = (&K, &mut V)> {
-        self.entries.iter_mut().map(|(key, value)| (&*key, value))
-    }
-
     /// The keys in ascending order.
     pub fn keys(&self) -> impl DoubleEndedIterator<Item = &K> + ExactSizeIterator + Clone {
         self.entries.iter().map(|(key, _)| key)
@@ -72,11 +67,6 @@ impl<K, V> SortedMap<K, V> {
         self.entries.iter_mut().map(|(_, value)| value)
     }
 
-    /// Returns the keys in ascending order.
-    pub fn into_keys(self) -> impl Iterator<Item = K> {
-        self.entries.into_iter().map(|(key, _)| key)
-    }
-
     /// Returns the values in ascending order of their keys.
     pub fn into_values(self) -> impl Iterator<Item = V> {
         self.entries.into_iter().map(|(_, value)| value)
@@ -85,16 +75,6 @@ impl<K, V> SortedMap<K, V> {
     /// Keeps the entries that satisfy a condition.
     pub fn retain(&mut self, mut condition: impl FnMut(&K, &mut V) -> bool) {
         self.entries.retain_mut(|(key, value)| condition(key, value));
-    }
-
-    /// The entry with the least key.
-    pub fn first_key_value(&self) -> Option<(&K, &V)> {
-        self.entries.first().map(|(key, value)| (key, value))
-    }
-
-    /// The entry with the greatest key.
-    pub fn last_key_value(&self) -> Option<(&K, &V)> {
-        self.entries.last().map(|(key, value)| (key, value))
     }
 }
 
@@ -185,15 +165,6 @@ impl<'a, K: Ord, V> MapEntry<'a, K, V> {
         V: Default,
     {
         self.or_insert_with(V::default)
-    }
-
-    /// Changes the value of the key, if it has one.
-    #[must_use]
-    pub fn and_modify(self, change: impl FnOnce(&mut V)) -> Self {
-        if let Ok(at) = self.place {
-            change(&mut self.map.entries[at].1);
-        }
-        self
     }
 }
 
@@ -333,7 +304,6 @@ mod tests {
         assert_eq!((map.get(&1), map.get(&7), map[&3]), (Some(&"a"), None, "c"));
         assert_eq!((map.remove(&1), map.remove(&1), map.len()), (Some("a"), None, 3));
         assert_eq!(map.keys().rev().collect::<Vec<_>>(), [&3, &2, &0]);
-        assert_eq!((map.first_key_value(), map.last_key_value()), (Some((&0, &"z")), Some((&3, &"c"))));
         assert_eq!(format!("{map:?}"), r#"{0: "z", 2: "B", 3: "c"}"#);
     }
 
@@ -348,9 +318,8 @@ mod tests {
         let mut map: SortedMap<String, u32> = SortedMap::new();
         *map.entry("b".into()).or_default() += 2;
         *map.entry("b".into()).or_default() += 3;
-        assert_eq!(*map.entry("a".into()).and_modify(|value| *value += 1).or_insert(7), 7);
-        assert_eq!(*map.entry("a".into()).and_modify(|value| *value += 1).or_insert(7), 8);
-        assert_eq!(map.into_iter().collect::<Vec<_>>(), [("a".to_owned(), 8), ("b".to_owned(), 5)]);
+        assert_eq!((*map.entry("a".into()).or_insert(7), *map.entry("a".into()).or_insert(8)), (7, 7));
+        assert_eq!(map.into_iter().collect::<Vec<_>>(), [("a".to_owned(), 7), ("b".to_owned(), 5)]);
     }
 
     #[test]

@@ -29,29 +29,14 @@ impl<T> SortedSet<T> {
         self.elements.is_empty()
     }
 
-    /// Removes all elements.
-    pub fn clear(&mut self) {
-        self.elements.clear();
-    }
-
     /// The elements in ascending order.
     pub fn iter(&self) -> std::slice::Iter<'_, T> {
         self.elements.iter()
     }
 
-    /// The least element.
-    pub fn first(&self) -> Option<&T> {
-        self.elements.first()
-    }
-
     /// The greatest element.
     pub fn last(&self) -> Option<&T> {
         self.elements.last()
-    }
-
-    /// Keeps the elements that satisfy a condition.
-    pub fn retain(&mut self, condition: impl FnMut(&T) -> bool) {
-        self.elements.retain(condition);
     }
 }
 
@@ -83,18 +68,6 @@ impl<T: Ord> SortedSet<T> {
             self.elements.insert(at, element);
         }
         place.is_err()
-    }
-
-    /// Removes an element; returns whether it was there.
-    pub fn remove<Q: Ord + ?Sized>(&mut self, element: &Q) -> bool
-    where
-        T: Borrow<Q>,
-    {
-        let place = self.place(element);
-        if let Ok(at) = place {
-            self.elements.remove(at);
-        }
-        place.is_ok()
     }
 
     /// The elements from one to another.
@@ -189,14 +162,13 @@ mod tests {
         let mut set = SortedSet::from([3, 1, 2, 1]);
         assert_eq!((set.insert(2), set.insert(0)), (false, true));
         assert_eq!(set.iter().copied().collect::<Vec<_>>(), [0, 1, 2, 3]);
-        assert_eq!((set.remove(&1), set.remove(&1)), (true, false));
-        assert_eq!((set.contains(&2), set.contains(&1), set.len()), (true, false, 3));
-        assert_eq!((set.first(), set.last()), (Some(&0), Some(&3)));
-        assert_eq!((set.range(1..=2), set.range(3..=9)), (&[2][..], &[3][..]));
+        assert_eq!((set.contains(&2), set.contains(&4), set.len()), (true, false, 4));
+        assert_eq!(set.last(), Some(&3));
+        assert_eq!((set.range(1..=2), set.range(3..=9)), (&[1, 2][..], &[3][..]));
         let other = SortedSet::from([3, 4]);
         assert_eq!(set.intersection(&other).collect::<Vec<_>>(), [&3]);
-        assert_eq!(set.difference(&other).collect::<Vec<_>>(), [&0, &2]);
-        assert_eq!(format!("{set:?}"), "{0, 2, 3}");
+        assert_eq!(set.difference(&other).collect::<Vec<_>>(), [&0, &1, &2]);
+        assert_eq!(format!("{set:?}"), "{0, 1, 2, 3}");
     }
 
     #[test]
