@@ -35,5 +35,6 @@ rooms! {
     #[cfg(feature = "recordings")] recording
     sanitize
     #[cfg(feature = "scenes")] scene
+    sorted
     #[cfg(feature = "stress")] stress
 }

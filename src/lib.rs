@@ -107,6 +107,7 @@ mod recording;
 mod sanitize;
 #[cfg(feature = "scenes")]
 mod scene;
+mod sorted;
 #[cfg(feature = "stress")]
 mod stress;
 

@@ -161,15 +161,14 @@ fn shaders_that_do_not_run_by_themselves() {
     let (pipeline, resources) = (builder.build().unwrap(), Resources::default());
     let launch = Launch { pipeline: &pipeline, resources: &resources };
     let invoke = |shader: ShaderIndex| {
-        let ended = launch.invoke::<1, _, _>(shader, Invocation::default(), &[], &[], &mut (), &mut ());
+        let ended = launch.invoke::<1>(shader, Invocation::default(), &[], &[], None, None);
         ended.map(|ended| ended.is_ok())
     };
     invalid(invoke(shaders[0]), "is IntersectionKHR, which does not run by itself");
     invalid(invoke(shaders[1]), "is GLCompute, which does not run by itself");
     invalid(invoke(ShaderIndex(3)), "no shader 3");
     // More words than the payload has are left over.
-    let ended =
-        launch.invoke::<1, _, _>(shaders[2], Invocation::default(), &[0; 99], &[0; 99], &mut (), &mut ());
+    let ended = launch.invoke::<1>(shaders[2], Invocation::default(), &[0; 99], &[0; 99], None, None);
     assert!(ended.is_ok());
 }
 
@@ -181,12 +180,12 @@ fn launches_that_are_too_large_or_nothing() {
     invalid(pipeline.launch(&scene, [u32::MAX; 3]), "maxRayDispatchInvocationCount");
     assert!(pipeline.launch(&scene, [4, 1, 1]).is_ok());
     let launch = Launch { pipeline: &pipeline, resources: scene.resources() };
-    let one = |id, size| launch.run_one(id, size, &mut (), &mut ());
+    let one = |id, size| launch.run_one(id, size, None, None);
     assert!(one([3, 0, 0], [4, 1, 1]).is_ok());
     invalid(one([4, 0, 0], [4, 1, 1]), "invocation 4,0,0 is outside the launch of 4 x 1 x 1");
     invalid(one([0, 0, 0], [0, 1, 1]), "outside the launch");
     invalid(one([0, 0, 0], [u32::MAX; 3]), "maxRayDispatchInvocationCount");
-    let single = launch.run_single_threaded::<1, _, _>([u32::MAX; 3], &mut (), &mut ());
+    let single = launch.run_single_threaded::<1>([u32::MAX; 3], None, None);
     invalid(single.map(|_| ()), "maxRayDispatchInvocationCount");
     refused(
         Pipeline::builder().build().unwrap().launch(&scene, [1, 1, 1]),

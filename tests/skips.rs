@@ -415,7 +415,7 @@ fn launch(group: impl IntoIterator<Item = Program>, flags: GeometryFlags, trace:
     let payload = Vec::new();
     let (sbt_offset, sbt_stride, miss_index) = (0, 0, 0);
     let operands = RayOperands { trace, sbt_offset, sbt_stride, miss_index, payload };
-    Ok(launch.trace(&tlas, operands, &mut ())?.stats)
+    Ok(launch.trace(&tlas, operands, None)?.stats)
 }
 
 /// An any-hit shader that ignores every hit.

@@ -1,12 +1,12 @@
 //! `anyhit check-math`: compares the elementary functions with their correctly rounded results.
 
-use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::Value;
 
 use crate::check_math::float_width::FloatWidth;
 use crate::check_math::function::{CheckedFunction, FUNCTIONS};
 use crate::check_math::{self, CheckMathReport, CheckMathSettings};
 use crate::cli::output;
+use crate::cli::progress::ProgressBar;
 use crate::cli::share::ShareArgs;
 use crate::error::{Error, ErrorKind, Result};
 use crate::harness::shares::ShareResults;
@@ -20,7 +20,7 @@ use crate::harness::shares::check_math::{CheckMathResult, CheckMathWhole};
 /// their domains. Functions of f64 are checked on a sample in arbitrary precision. The whole
 /// comparison takes more than an hour of one core.
 #[derive(Debug, clap::Args)]
-pub struct CheckMathArgs {
+pub(super) struct CheckMathArgs {
     /// Check only this function, by its name in the specification, such as `Sin`; may be repeated.
     #[arg(long, value_name = "NAME", value_parser = function)]
     function: Vec<&'static str>,
@@ -61,7 +61,7 @@ pub struct CheckMathArgs {
 ///
 /// # Errors
 /// `Expectation` where a result was wrong.
-pub fn run(args: CheckMathArgs) -> Result<()> {
+pub(super) fn run(args: CheckMathArgs) -> Result<()> {
     let settings =
         CheckMathSettings { stride: args.stride, pairs: args.pairs, samples: args.samples, seed: args.seed };
     let form = ReportForm { json: args.json, with_times: !args.no_times };
@@ -88,14 +88,12 @@ pub fn run(args: CheckMathArgs) -> Result<()> {
     form.print_heading()?;
     let mut result = CheckMathResult::default();
     for (place, (format, function)) in all.into_iter().enumerate().filter(|(place, _)| shard.holds(*place)) {
-        let style = ProgressStyle::with_template("{msg} {wide_bar} {percent}% {eta}");
-        let bar = ProgressBar::new(0).with_message(function.name);
-        let bar = style.map_or_else(|_| bar.clone(), |style| bar.clone().with_style(style));
+        let bar = ProgressBar::new(function.name, 0);
         let report = check_math::run(function, format, &settings, |count, total| {
-            bar.set_length(total);
-            bar.inc(count);
+            bar.set_total(total);
+            bar.advance(count);
         });
-        bar.finish_and_clear();
+        drop(bar);
         form.print_line(&report)?;
         result.functions.push((place, report));
     }

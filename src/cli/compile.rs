@@ -16,7 +16,7 @@ use crate::input::InputLimits;
 
 /// Compiles GLSL, WGSL, Slang or HLSL to SPIR-V.
 #[derive(Args, Clone, Debug)]
-pub struct CompileArgs {
+pub(super) struct CompileArgs {
     /// Shader sources; the extension names language and stage (.rgen .rint .rahit .rchit .rmiss
     /// .rcall .comp, also with .glsl behind; .wgsl .slang .hlsl)
     #[arg(value_name = "SOURCE", required_unless_present = "fixtures", conflicts_with = "fixtures")]
@@ -55,7 +55,7 @@ pub struct CompileArgs {
 /// # Errors
 /// What the compilers report, all sources in one; with `--fixtures` also
 /// [`ErrorKind::UnsupportedTool`] where a stale fixture needs a compiler that is not there.
-pub fn run(args: CompileArgs) -> Result<()> {
+pub(super) fn run(args: CompileArgs) -> Result<()> {
     if args.fixtures { regenerate(args.force) } else { compile_sources(&args) }
 }
 

@@ -30,7 +30,7 @@ const MOST_HEADER_BYTES: u64 = 4096;
 /// The editor starts it, and says in its launch configuration what is debugged: a scene, and one of
 /// pixel, ray and invocation. docs/debugging.md has configurations for several editors.
 #[derive(Args, Clone, Debug)]
-pub struct DapArgs {
+pub(super) struct DapArgs {
     /// Listen for one editor after the other on this port of this machine, instead of standard
     /// input and output; 0 takes a free one
     #[arg(long, value_name = "N")]
@@ -45,7 +45,7 @@ pub struct DapArgs {
 ///
 /// # Errors
 /// `Io` where the port is taken, or the editor cannot be written to.
-pub fn run(args: DapArgs) -> Result<()> {
+pub(super) fn run(args: DapArgs) -> Result<()> {
     let host = Rc::new(DiskHost { files: args.files.files()?, limits: args.limits });
     let Some(port) = args.port else {
         return serve(host, stdin(), &mut stdout().lock(), true)

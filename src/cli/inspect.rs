@@ -25,7 +25,7 @@ use crate::sanitize::{Findings, Levels};
 /// Lists a module's entry points, interface and requirements, what in it is unsupported, and which
 /// rules it breaks whatever its inputs are
 #[derive(Args, Clone, Debug)]
-pub struct InspectArgs {
+pub(super) struct InspectArgs {
     /// A SPIR-V module, or the source of one (GLSL, WGSL, Slang, HLSL), or `-` for standard input
     #[arg(value_name = "MODULE", required_unless_present = "layout")]
     module: Option<PathBuf>,
@@ -47,7 +47,7 @@ pub struct InspectArgs {
 ///
 /// # Errors
 /// What reading, compiling and loading the module reports.
-pub fn run(args: InspectArgs) -> Result<()> {
+pub(super) fn run(args: InspectArgs) -> Result<()> {
     let json = args.json;
     inspect(args).map_err(|error| output::json_error(json, error))
 }

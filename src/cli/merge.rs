@@ -29,7 +29,7 @@ use crate::scene::image::{PictureKind, write_picture};
 /// It is the report of a run that was not shared, but for times, and so is the exit code. The order
 /// of the files does not matter, and a merged result (--result) merges with others again.
 #[derive(Debug, clap::Args)]
-pub struct MergeArgs {
+pub(super) struct MergeArgs {
     /// Results of the shares of one run of `test`, `stress`, `check-math`, `smoke` or `render`
     #[arg(value_name = "FILE", required = true)]
     files: Vec<PathBuf>,
@@ -69,7 +69,7 @@ pub struct MergeArgs {
 /// # Errors
 /// `InvalidArgument` where files are no results, or not of one run, or shares are missing; else
 /// what the command returns whose results are merged.
-pub fn run(args: MergeArgs) -> Result<()> {
+pub(super) fn run(args: MergeArgs) -> Result<()> {
     let limits = args.limits.limits();
     let first = &args.files[0];
     let bytes = read(first, &limits)?;

@@ -6,37 +6,38 @@
 //! for an invalid command line).
 
 #[cfg(feature = "stress")]
-pub mod check_math;
+mod check_math;
 mod compare;
-pub mod compile;
-pub mod dap;
+mod compile;
+mod dap;
 mod input;
-pub mod inspect;
+mod inspect;
 mod interactive;
 mod interrupt;
 mod limits;
 mod many_seeds;
-pub mod merge;
+mod merge;
 mod module_file;
 mod output;
 mod page_args;
 mod precision;
-pub mod render;
-pub mod run;
+mod progress;
+mod render;
+mod run;
 mod sanitize;
-pub mod scene;
-pub mod schema;
+mod scene;
+mod schema;
 mod share;
-pub mod smoke;
+mod smoke;
 mod source;
 mod stability;
 mod stats;
 #[cfg(feature = "stress")]
-pub mod stress;
+mod stress;
 mod suite_report;
-pub mod test;
-pub mod trace_one_ray;
-pub mod verify;
+mod test;
+mod trace_one_ray;
+mod verify;
 
 use std::process::ExitCode;
 

@@ -5,13 +5,12 @@ mod share;
 
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
-
-use indicatif::{ProgressBar, ProgressStyle};
+use std::time::Instant;
 
 use crate::cli::input::{SceneFileArgs, VariantArgs};
 use crate::cli::limits::LimitArgs;
 use crate::cli::many_seeds::{ManySeedsArgs, command_line};
+use crate::cli::progress::ProgressBar;
 use crate::cli::render::look::{LookArgs, Looked};
 use crate::cli::render::share::PictureShare;
 use crate::cli::sanitize::SanitizeArgs;
@@ -37,7 +36,7 @@ use crate::scene::{self, Assembled, LoadOptions, ResolvedScene, resolved};
 /// invocation writes only to the row of its own launch index. Otherwise it is held in memory, up to
 /// 1 GiB.
 #[derive(Debug, clap::Args)]
-pub struct RenderArgs {
+pub(super) struct RenderArgs {
     /// The scene file (`scene.toml`), or `-` for standard input [default: the built-in
     /// swept-spheres demo]
     scene: Option<PathBuf>,
@@ -97,7 +96,7 @@ pub struct RenderArgs {
 /// # Errors
 /// Errors of the scene, of a shader that traps, or of writing the image; `Expectation` if
 /// `--perturb` finds that an output is not stable, after everything is written and printed.
-pub fn run(args: RenderArgs) -> Result<()> {
+pub(super) fn run(args: RenderArgs) -> Result<()> {
     let json = args.json && args.look.is_requested();
     if args.look.is_requested() {
         return run_look(args).map_err(|error| output::json_error(json, error));
@@ -140,10 +139,11 @@ pub fn run(args: RenderArgs) -> Result<()> {
             format: RenderWhole::format_of(image.format),
             to_srgb,
         };
-        let bar = progress_bar(u64::from(width) * u64::from(height) / args.share.shard_or_whole().of as u64);
+        let invocations = u64::from(width) * u64::from(height) / args.share.shard_or_whole().of as u64;
+        let bar = ProgressBar::new("", invocations);
         let shared = PictureShare { share: &args.share, whole, bands, lanes: &args.lanes };
-        let outcome = shared.run(&|count| bar.inc(count));
-        bar.finish_and_clear();
+        let outcome = shared.run(&|count| bar.advance(count));
+        drop(bar);
         output::printed(&printed)?;
         return outcome;
     }
@@ -162,15 +162,16 @@ pub fn run(args: RenderArgs) -> Result<()> {
     let load_time = begin.elapsed();
 
     let size = assembled.size;
-    let bar = progress_bar(match assembled.is_frame() {
+    let invocations = match assembled.is_frame() {
         true => assembled.invocations(),
         false => size.iter().map(|&side| u64::from(side)).product(),
-    });
+    };
+    let bar = ProgressBar::new("", invocations);
     let drawn =
         args.many_seeds.run(&args.sanitize, &args.stability, &resolved, &assembled, repeated(&args))?;
     let launched = Instant::now();
     let launch = assembled.launch();
-    let on_progress = |count| bar.inc(count);
+    let on_progress = |count| bar.advance(count);
     let sanitized = match args.sanitize.is_requested() {
         true => Some(args.sanitize.run(&resolved, &assembled, &assembled.resources)?),
         false => None,
@@ -196,7 +197,7 @@ pub fn run(args: RenderArgs) -> Result<()> {
             }
         }),
     };
-    bar.finish_and_clear();
+    drop(bar);
     let launch_time = launched.elapsed();
     output::printed(&printed)?;
     let launch_stats = outcome?;
@@ -434,15 +435,6 @@ pub(super) fn size(text: &str) -> Result<[u32; 2], String> {
         Some((Ok(width), Ok(height))) if width > 0 && height > 0 => Ok([width, height]),
         _ => Err(format!("`{text}` is not WIDTHxHEIGHT, such as 640x360")),
     }
-}
-
-/// A progress bar, shown if standard error is a terminal and the work takes a while.
-fn progress_bar(count: u64) -> ProgressBar {
-    let bar = ProgressBar::new(count);
-    let style = ProgressStyle::with_template("{bar:40} {percent:>3} %  {elapsed_precise}  about {eta} left");
-    bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
-    bar.enable_steady_tick(Duration::from_millis(250));
-    bar
 }
 
 #[cfg(test)]

@@ -28,7 +28,7 @@ use crate::scene::{self, LoadOptions};
 /// What shaders print goes to standard output. After a bare module its storage buffers are printed,
 /// unless --dump names others.
 #[derive(Args, Clone, Debug)]
-pub struct RunArgs {
+pub(super) struct RunArgs {
     /// A scene file, a SPIR-V module, or a shader's source; or `-` for a scene or module on
     /// standard input
     #[arg(value_name = "FILE")]
@@ -78,7 +78,7 @@ pub struct RunArgs {
 /// # Errors
 /// Errors of the scene, the module or the arguments, and the trap that ended a shader, after the
 /// requested resources are printed.
-pub fn run(args: RunArgs) -> Result<()> {
+pub(super) fn run(args: RunArgs) -> Result<()> {
     let begin = Instant::now();
     let (is_scene, streamed) = what(&args)?;
     let mut scene = match is_scene {

@@ -15,7 +15,7 @@ use crate::machine::LaunchLimits;
 
 /// Writes a whole scene for modules, from what they declare.
 #[derive(Args, Clone, Debug)]
-pub struct SceneArgs {
+pub(super) struct SceneArgs {
     /// Modules or sources of shaders
     #[arg(long, value_name = "MODULE", num_args = 1.., required = true)]
     init: Vec<PathBuf>,
@@ -34,7 +34,7 @@ pub struct SceneArgs {
 ///
 /// # Errors
 /// What modules lack, and a file that is there already.
-pub fn run(args: SceneArgs) -> Result<()> {
+pub(super) fn run(args: SceneArgs) -> Result<()> {
     let limits = args.limits.limits(LaunchLimits::TESTS);
     let written = init::scene(&args.init, &args.output, &args.files.files()?, &limits, &args.how.words())?;
     output::warnings(&written.warnings);

@@ -14,7 +14,7 @@ use crate::harness::scene_schema::scene_schema;
 /// A TOML file names its schema in its first line, for Taplo and Even Better TOML:
 /// `#:schema scene.schema.json`.
 #[derive(Args, Clone, Debug)]
-pub struct SchemaArgs {
+pub(super) struct SchemaArgs {
     /// Where to write it [default: standard output]
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
@@ -24,7 +24,7 @@ pub struct SchemaArgs {
 ///
 /// # Errors
 /// `Io` where the file cannot be written.
-pub fn run(args: SchemaArgs) -> Result<()> {
+pub(super) fn run(args: SchemaArgs) -> Result<()> {
     let text = format!("{:#}\n", scene_schema());
     match args.output {
         Some(path) => atomic_file::write(&path, text),

@@ -29,7 +29,7 @@ use crate::machine::LaunchLimits;
 /// less than `--min-coverage`, 4 one is not supported, 2 the module is invalid, 6 the sanitizer
 /// denies what is in the module; of several modules the worst.
 #[derive(Args, Clone, Debug)]
-pub struct SmokeArgs {
+pub(super) struct SmokeArgs {
     /// A SPIR-V module, or the source of one (GLSL, WGSL, Slang, HLSL), or `-` for standard input;
     /// or several of these, and folders, which are searched for `.spv`: then a line is told of each
     #[arg(value_name = "MODULE", required = true)]
@@ -89,7 +89,7 @@ fn percent(text: &str) -> std::result::Result<f64, String> {
 /// What reading, compiling and loading the module reports; `Expectation` where an entry point
 /// traps; `UnsupportedModule` or `InvalidModule` where one does not run; `Finding` where the
 /// sanitizer denies what is in the module. Of several modules the worst.
-pub fn run(args: SmokeArgs) -> Result<()> {
+pub(super) fn run(args: SmokeArgs) -> Result<()> {
     if args.budget.is_some() {
         output::renamed_flag("--budget", "--fuel");
     }

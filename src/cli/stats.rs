@@ -10,6 +10,7 @@ use crate::program::race_analysis::Memory;
 use crate::scene::Assembled;
 use crate::scene::image_entry::ImageContent;
 use crate::scene::pass::{Dispatch, PassWork};
+use crate::sorted::sort_by_key;
 
 /// The lines of `--stats` about rays, invocations, occupancy and times.
 pub(super) fn table(stats: &Stats, load_time: Duration, launch_time: Duration) -> String {
@@ -116,7 +117,7 @@ pub(super) fn elided(stats: &Stats, assembled: &Assembled) -> String {
     }
     let instances: Vec<_> = structures.iter().flat_map(|tlas| tlas.instances()).collect();
     let mut blases: Vec<_> = instances.iter().map(|instance| &instance.blas).collect();
-    blases.sort_by_key(|blas| Arc::as_ptr(blas));
+    sort_by_key(&mut blases, |blas| Arc::as_ptr(blas));
     blases.dedup_by(|one, other| Arc::ptr_eq(one, other));
     let mut text = String::new();
     if !instances.is_empty() {

@@ -28,7 +28,7 @@ use crate::stress::{self, FixedCases, StressReport, StressSettings, Tally};
 /// With a scene file, rays are drawn in its acceleration structures, and what they find there is
 /// compared with what they find by the BVHs of another builder over the same primitives.
 #[derive(Debug, clap::Args)]
-pub struct StressArgs {
+pub(super) struct StressArgs {
     /// A scene file, or `-` for standard input
     #[arg(value_name = "SCENE")]
     scene: Option<PathBuf>,
@@ -77,7 +77,7 @@ pub struct StressArgs {
 /// # Errors
 /// `Expectation` where an answer was wrong; `Io` where its case cannot be saved; what the scene
 /// lacks; `InvalidArgument` for a share of what has no fixed number of cases.
-pub fn run(args: StressArgs) -> Result<()> {
+pub(super) fn run(args: StressArgs) -> Result<()> {
     let settings =
         StressSettings { seed: args.seed, rays: args.rays, time: args.minutes, precision: args.precision };
     if let Some(path) = &args.scene {

@@ -28,7 +28,7 @@ use crate::scene::SceneFiles;
 /// Exit codes: 0 all pass, 1 an expectation failed, 2 a test could not run or a file that was asked
 /// for could not be written.
 #[derive(Debug, clap::Args)]
-pub struct TestArgs {
+pub(super) struct TestArgs {
     /// Folders (searched for `scene.toml` and `*.test.toml`) and scene files
     #[arg(value_name = "PATH", default_value = ".")]
     paths: Vec<PathBuf>,
@@ -101,7 +101,7 @@ pub struct TestArgs {
 /// # Errors
 /// `Expectation` where tests fail, another kind where one could not run; their reports are printed
 /// before.
-pub fn run(args: TestArgs) -> Result<()> {
+pub(super) fn run(args: TestArgs) -> Result<()> {
     if args.init {
         return init_case(&args);
     }

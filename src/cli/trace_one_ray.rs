@@ -32,7 +32,7 @@ use crate::scene::{LoadOptions, ResolvedScene, demo};
 ///
 /// Without a scene file it uses the built-in demo: a field of grass, spheres and chains.
 #[derive(Args, Clone, Debug)]
-pub struct TraceOneRayArgs {
+pub(super) struct TraceOneRayArgs {
     /// A scene file, or `-` for standard input
     #[arg(value_name = "SCENE")]
     scene: Option<PathBuf>,
@@ -116,7 +116,7 @@ pub struct TraceOneRayArgs {
 /// # Errors
 /// What the scene or the arguments lack, and the trap that ended a shader, after what happened
 /// before it is printed.
-pub fn run(args: TraceOneRayArgs) -> Result<()> {
+pub(super) fn run(args: TraceOneRayArgs) -> Result<()> {
     let json = args.json;
     let trap = trace(args).map_err(|error| output::json_error(json, error))?;
     trap.map_or(Ok(()), Err)

@@ -18,7 +18,7 @@ use crate::recording::{Comparison, Recording};
 /// Limits are checked against `reference.*` where a file has one, otherwise against `driver.*`.
 /// Exit code 1 if a limit is exceeded.
 #[derive(Args, Clone, Debug)]
-pub struct VerifyArgs {
+pub(super) struct VerifyArgs {
     /// Recordings (`.safetensors`), or folders of them
     #[arg(value_name = "FILE|DIR", required = true)]
     paths: Vec<PathBuf>,
@@ -78,7 +78,7 @@ struct VerifiedFile {
 /// # Errors
 /// `Expectation` where a limit is passed; `InvalidRecording` for files that cannot be used, after
 /// the others were compared.
-pub fn run(args: VerifyArgs) -> Result<()> {
+pub(super) fn run(args: VerifyArgs) -> Result<()> {
     let (mut files, mut errors) = (Vec::new(), Vec::new());
     let limits = args.limits.limits();
     let recordings = recordings(&args.paths).map_err(|error| output::json_error(args.json, error))?;

@@ -22,6 +22,7 @@ use super::source::hash::bytes_hash;
 use super::{CompileOptions, Compiled, Language, Source, compile_with_warnings, glslang_tool, slang};
 use crate::atomic_file;
 use crate::error::{Error, Result};
+use crate::sorted::sort_by;
 
 /// The environment variable that names the folder.
 pub const VARIABLE: &str = "ANYHIT_CACHE";
@@ -132,7 +133,7 @@ fn sweep(folder: &Path, limit: u64, now: SystemTime) {
     // Others name their files by hashes, too.
     entries.retain(|(_, _, path)| is_entry(path));
     // Sorts the most recently used first.
-    entries.sort_by(|one, other| other.cmp(one));
+    sort_by(&mut entries, |one, other| other.cmp(one));
     let mut kept = 0u64;
     for (used, size, path) in entries {
         kept = kept.saturating_add(size);

@@ -14,7 +14,6 @@
 //! `spirv-fixtures/RECORDS.toml` keeps, per fixture, the tool and its version, the flags, and the
 //! hashes of source (with its includes) and module.
 
-use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -24,6 +23,7 @@ use super::source::hash::bytes_hash;
 use super::{CompileOptions, Language, Source, tool};
 use crate::atomic_file;
 use crate::error::{Error, ErrorKind, Place, Result};
+use crate::sorted::{SortedMap, sort_by};
 
 /// The folder of most sources, in the root of the repository.
 pub const SOURCES: &str = "shaders";
@@ -49,7 +49,7 @@ pub struct FixtureRecord {
 }
 
 /// The records by fixture name (relative to [`FIXTURES`], with `/`).
-type Records = BTreeMap<String, FixtureRecord>;
+type Records = SortedMap<String, FixtureRecord>;
 
 /// A fixture that a source requests.
 struct RequestedFixture {
@@ -205,7 +205,7 @@ fn requested(root: &Path) -> Result<Vec<RequestedFixture>> {
         let source = source.name().to_owned();
         requested.push(RequestedFixture { name: format!("{name}.spv"), source, flags });
     }
-    requested.sort_by(|a, b| a.name.cmp(&b.name));
+    sort_by(&mut requested, |a, b| a.name.cmp(&b.name));
     Ok(requested)
 }
 

@@ -5,7 +5,6 @@ pub(super) mod hash;
 #[cfg(feature = "compilers")]
 mod tools;
 
-use std::collections::BTreeMap;
 use std::fmt;
 use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
@@ -13,6 +12,7 @@ use std::sync::Arc;
 use super::language::{Language, unknown_language};
 use crate::error::{Error, ErrorClass, ErrorKind, Result};
 use crate::input::{InputLimit, InputLimits, RootFolder, is_stream, read_argument, read_regular};
+use crate::sorted::SortedMap;
 
 /// A shader's source text and where it came from.
 #[derive(Clone, PartialEq, Eq)]
@@ -201,8 +201,8 @@ impl Source {
     /// Everything that the result depends on: this text and, by name, the text of each file that an
     /// `#include`, `import` or `__include` reaches, even in a false conditional. Files that
     /// are not found are skipped: the compiler's own modules, or names that macros make.
-    pub(super) fn closure(&self) -> BTreeMap<String, Arc<str>> {
-        let mut seen = BTreeMap::from([(normalized_path(Path::new(&self.name)), self.text.clone())]);
+    pub(super) fn closure(&self) -> SortedMap<String, Arc<str>> {
+        let mut seen = SortedMap::from([(normalized_path(Path::new(&self.name)), self.text.clone())]);
         let mut pending = vec![normalized_path(Path::new(&self.name))];
         while let Some(includer) = pending.pop() {
             let text = seen[&includer].clone();

@@ -38,10 +38,6 @@ impl EventLog {
 }
 
 impl PipelineObserver for EventLog {
-    fn observes_queries() -> bool {
-        true
-    }
-
     fn observes_query_traversal(&self) -> bool {
         true
     }

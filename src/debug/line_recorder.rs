@@ -1,6 +1,6 @@
 //! Follows an invocation line by line, and notes which lines its shaders ran and what they set.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::HashMap;
 use std::sync::Arc;
 
 use crate::debug::debugger::{
@@ -14,6 +14,7 @@ use crate::debug::values::TypedValue;
 use crate::debug::walk;
 use crate::error::Result;
 use crate::ops::pointer::storage;
+use crate::sorted::SortedMap;
 
 /// How many lines are followed.
 const MAX_STOPS: usize = 20_000;
@@ -152,7 +153,7 @@ struct Recorder {
     /// How many texts are printed in all.
     texts: usize,
     stops: usize,
-    runs: BTreeMap<u64, RunRecord>,
+    runs: SortedMap<u64, RunRecord>,
     /// From the outermost.
     frames: Vec<OpenFrame>,
     /// By text: the line that printed it.
@@ -168,7 +169,7 @@ impl Recorder {
             wanted,
             texts,
             stops: 0,
-            runs: BTreeMap::new(),
+            runs: SortedMap::new(),
             frames: Vec::new(),
             printed: Vec::new(),
             last_line: None,

@@ -1,6 +1,5 @@
 //! What an invocation changed in buffers and images.
 
-use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use crate::debug::layout::BufferLayout;
@@ -13,6 +12,7 @@ use crate::pipeline::Pipeline;
 use crate::scene::ResolvedScene;
 use crate::scene::pass::Pass;
 use crate::scene::resolved::RebindingSource;
+use crate::sorted::SortedMap;
 
 /// The number of changes that are listed; the others are counted.
 const MAX_CHANGES: usize = 256;
@@ -20,9 +20,9 @@ const MAX_CHANGES: usize = 256;
 /// A copy of buffers and images before a run.
 #[derive(Debug)]
 pub(super) struct Snapshot {
-    contents: BTreeMap<(Binding, usize), ResourceContent>,
+    contents: SortedMap<(Binding, usize), ResourceContent>,
     /// By name, the words of the buffers that device addresses alone reach.
-    unbound: BTreeMap<String, Vec<u32>>,
+    unbound: SortedMap<String, Vec<u32>>,
 }
 
 #[derive(Debug)]

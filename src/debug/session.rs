@@ -122,12 +122,12 @@ impl Session {
         let (launch, outcome) = match request.what {
             SingleRun::Pixel(id) => {
                 let size = single.size;
-                (Some(LaunchIndex { id, size }), run.run_one(id, size, &mut log, &mut ()))
+                (Some(LaunchIndex { id, size }), run.run_one(id, size, Some(&mut log), None))
             }
             SingleRun::Ray(ray) => {
                 let tlas = if let Some((_, tlas)) = self.scene.tlas.first() { tlas } else { Tlas::empty() };
                 let operands = ray.operands(&single.pipeline)?;
-                (None, run.trace(tlas, operands, &mut log).map(|outcome| outcome.stats))
+                (None, run.trace(tlas, operands, Some(&mut log)).map(|outcome| outcome.stats))
             }
         };
         log.look();

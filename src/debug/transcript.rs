@@ -4,13 +4,12 @@
 //! The JSON of `anyhit trace-one-ray --json` is this tree, field by field; `docs/trace-one-ray.md`
 //! describes it. A change that could break a reader of it raises [`VERSION`].
 
-use std::collections::BTreeMap;
-
 use serde::Serialize;
 
 use crate::debug::executed_lines::{ExecutedLine, PrintedText};
 use crate::debug::values::{FloatValue, TypedValue};
 use crate::error::ErrorReport;
+use crate::sorted::SortedMap;
 
 /// The version of the JSON.
 pub const VERSION: u32 = 1;
@@ -133,7 +132,7 @@ pub struct RunCounts {
     /// Ray queries initialised.
     pub ray_queries: u64,
     /// Shader runs by execution model.
-    pub shaders: BTreeMap<&'static str, u64>,
+    pub shaders: SortedMap<&'static str, u64>,
 }
 
 /// An observed action of a shader.

@@ -14,7 +14,12 @@ pub fn list_of<'n>(names: impl Iterator<Item = &'n str>) -> String {
 
 /// The name that is most similar to `word`, if the edit distance is small or one is a prefix of the
 /// other.
-pub fn nearest<'n>(word: &str, names: impl Iterator<Item = &'n str>) -> Option<&'n str> {
+pub fn nearest<'n>(word: &str, mut names: impl Iterator<Item = &'n str>) -> Option<&'n str> {
+    nearest_of(word, &mut names)
+}
+
+/// As [`nearest`], compiled once for all iterators.
+fn nearest_of<'n>(word: &str, names: &mut dyn Iterator<Item = &'n str>) -> Option<&'n str> {
     let allowed = (word.chars().count() / 3).max(1);
     let is_prefix =
         |name: &str| word.len().min(name.len()) >= 3 && (name.starts_with(word) || word.starts_with(name));

@@ -6,7 +6,6 @@
 
 mod merge;
 
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use crate::atomic_file::{self, FileLock};
@@ -14,6 +13,7 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::harness::expect::Fix;
 use crate::input::{InputLimit, InputLimits, read_regular};
 use crate::scene::read::{Span, TomlSource};
+use crate::sorted::{SortedMap, sort_by_key};
 use merge::Merge;
 
 /// Writes changes to the files that they are of, and gives the files in order. A file is read again
@@ -24,8 +24,8 @@ use merge::Merge;
 /// then nothing is written. `Io` where a file cannot be written, or was changed meanwhile in what
 /// is not recorded; a note lists the files that were written all the same.
 pub fn bless(fixes: Vec<Fix>, limits: &InputLimits) -> Result<Vec<PathBuf>> {
-    let mut files: BTreeMap<PathBuf, Vec<u8>> = BTreeMap::new();
-    let mut texts: BTreeMap<PathBuf, Vec<(Span, String)>> = BTreeMap::new();
+    let mut files: SortedMap<PathBuf, Vec<u8>> = SortedMap::new();
+    let mut texts: SortedMap<PathBuf, Vec<(Span, String)>> = SortedMap::new();
     for fix in fixes {
         match fix {
             Fix::File(path, bytes) => match files.insert(path.clone(), bytes.clone()) {
@@ -59,7 +59,7 @@ pub fn bless(fixes: Vec<Fix>, limits: &InputLimits) -> Result<Vec<PathBuf>> {
 
 /// Changes of one text in order, each once.
 fn settle(changes: &mut Vec<(Span, String)>) -> Result<()> {
-    changes.sort_by_key(|(span, _)| (span.range.start, span.range.end));
+    sort_by_key(changes, |(span, _)| (span.range.start, span.range.end));
     changes.dedup();
     for pair in changes.windows(2) {
         let [(before, _), (span, _)] = pair else { continue };
@@ -124,7 +124,7 @@ fn merged(source: &TomlSource, now: &str, changes: &[(Span, String)]) -> Result<
             }
         }
     }
-    moved.sort_by_key(|(range, _)| range.start);
+    sort_by_key(&mut moved, |(range, _)| range.start);
     Ok(changed(now, moved.into_iter()))
 }
 

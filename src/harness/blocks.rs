@@ -1,13 +1,12 @@
 //! Counts the basic blocks that an entry point has entered.
 
-use std::collections::BTreeSet;
-
 use crate::harness::block_counts::BlockCounts;
 use crate::machine::ShaderIndex;
 use crate::module::interface::EntryPoint;
 use crate::module::{Function, Id, Module};
 use crate::program::Program;
 use crate::program::control_flow::block_of;
+use crate::sorted::SortedSet;
 
 /// The blocks of a module that an entry point can reach, by the word offset of their first
 /// instruction, and which of them were entered.
@@ -17,8 +16,8 @@ use crate::program::control_flow::block_of;
 /// holds `OpUnreachable` alone is none that could be entered.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Blocks {
-    all: BTreeSet<u32>,
-    entered: BTreeSet<u32>,
+    all: SortedSet<u32>,
+    entered: SortedSet<u32>,
 }
 
 impl Blocks {
@@ -33,7 +32,7 @@ impl Blocks {
     pub fn enter(&mut self, program: &Program, counts: &BlockCounts, shader: ShaderIndex) {
         let ran = program.instruction_spans.iter().filter(|span| counts.entered(shader, span.block) > 0);
         for span in ran {
-            self.entered.extend(self.all.range(span.first..=span.last));
+            self.entered.extend(self.all.range(span.first..=span.last).iter().copied());
         }
     }
 

@@ -1,6 +1,5 @@
 //! Cases: scenes with expectations, found in folders and run at several widths.
 
-use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use crate::error::{Error, ErrorKind, Place, Result};
@@ -11,6 +10,7 @@ use crate::input::InputLimit;
 use crate::scene::file::SceneFile;
 use crate::scene::read::{Diagnostics, Document, Parse, Table};
 use crate::scene::{Assembled, Files, LoadOptions, ResolvedScene, RunLimits, SceneFiles, assemble, load};
+use crate::sorted::SortedSet;
 
 /// A scene, or one of its variants, that is to meet its expectations.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -83,7 +83,7 @@ pub fn files_beneath(folder: &Path, wanted: &dyn Fn(&Path) -> bool) -> Result<Ve
 
 /// The files that were found already: one that is found through two paths counts once.
 #[derive(Debug, Default)]
-pub struct FoundFiles(BTreeSet<PathBuf>);
+pub struct FoundFiles(SortedSet<PathBuf>);
 
 impl FoundFiles {
     /// Adds a file; `false` where it was there.

@@ -1,12 +1,11 @@
 //! Buffers at device addresses, for shaders that reach them by pointers.
 
-use std::collections::BTreeMap;
-
 use bytemuck::NoUninit;
 
 use crate::error::{Error, ErrorKind, Result};
 use crate::input::{InputLimit, InputLimits};
 use crate::machine::{Buffer, DeviceMemory};
+use crate::sorted::SortedMap;
 
 /// Buffers and acceleration structures with device addresses, which are known before the buffers
 /// are filled: so that they hold each other's addresses, in circles, too.
@@ -40,7 +39,7 @@ use crate::machine::{Buffer, DeviceMemory};
 pub struct DeviceBuffers {
     /// Addresses by name.
     memory: DeviceMemory,
-    contents: BTreeMap<String, Vec<u8>>,
+    contents: SortedMap<String, Vec<u8>>,
 }
 
 impl DeviceBuffers {

@@ -41,7 +41,7 @@ impl Explanation {
                 let launch = Launch { pipeline: &self.pipeline, resources: &resources };
                 let mut events: Vec<Event> = Vec::new();
                 // A trap is among the events, too.
-                let _ = launch.trace(tlas, operands.clone(), &mut events);
+                let _ = launch.trace(tlas, operands.clone(), Some(&mut events));
                 ("the ray, traced again", events, &[][..], resources.memory)
             }
             What::Shader { events, calls, memory } => {

@@ -9,6 +9,7 @@ use crate::module::ty::{Type, TypeId};
 use crate::ops::pointer::storage;
 use crate::ops::translate::array_length;
 use crate::program::layout::shorten;
+use crate::sorted::sort_by_key;
 
 pub use crate::program::layout::{Layout, Rules};
 
@@ -192,7 +193,7 @@ impl Layout<'_> {
                 (None, None) => rows.push((usize::MAX, [String::new(), text])),
             }
         }
-        rows.sort_by_key(|row| row.0);
+        sort_by_key(&mut rows, |row| row.0);
         let width = rows.iter().map(|row| row.1[0].chars().count()).chain([heads[0].chars().count()]).max();
         let width = width.unwrap_or(0);
         let line = |offset: String, [left, right]: [String; 2]| {

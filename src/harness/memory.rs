@@ -1,11 +1,11 @@
 //! Copies of resources, so that one scene can be run again and again.
 
-use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
 use crate::machine::image::Image;
 use crate::machine::{Buffer, Descriptor, Resources};
+use crate::sorted::SortedMap;
 
 /// The memory of a buffer and of its views.
 type Words = Arc<[AtomicU32]>;
@@ -18,7 +18,7 @@ pub(super) fn copied(resources: &Resources) -> Resources {
     let words = |words: &[AtomicU32]| words.iter().map(|word| AtomicU32::new(word.load(Relaxed))).collect();
     let mut buffer =
         |buffer: &Arc<Buffer>| buffer.copied(|memory| once(&mut memories, memory, || words(memory)));
-    let mut descriptors = BTreeMap::new();
+    let mut descriptors = SortedMap::new();
     for (&binding, list) in &resources.descriptors {
         let mut copy = |descriptor: &Descriptor| match descriptor {
             Descriptor::Buffer(original) => Descriptor::Buffer(buffer(original)),

@@ -1,15 +1,15 @@
 //! Maps in JSON whose keys are no texts: lists of pairs of key and value, for `#[serde(with)]`.
 
-use std::collections::BTreeMap;
-
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+use crate::sorted::SortedMap;
 
 /// Writes a map as a list.
 ///
 /// # Errors
 /// Those of the serializer.
 pub(super) fn serialize<K: Serialize, V: Serialize, S: Serializer>(
-    map: &BTreeMap<K, V>,
+    map: &SortedMap<K, V>,
     to: S,
 ) -> Result<S::Ok, S::Error> {
     to.collect_seq(map)
@@ -19,7 +19,7 @@ pub(super) fn serialize<K: Serialize, V: Serialize, S: Serializer>(
 ///
 /// # Errors
 /// Those of the deserializer.
-pub(super) fn deserialize<'de, K, V, D>(from: D) -> Result<BTreeMap<K, V>, D::Error>
+pub(super) fn deserialize<'de, K, V, D>(from: D) -> Result<SortedMap<K, V>, D::Error>
 where
     K: Deserialize<'de> + Ord,
     V: Deserialize<'de>,

@@ -1,8 +1,6 @@
 //! Pages in HTML about pictures: of a launch that was looked at, and of a picture that is not as a
 //! test expects.
 
-use rayon::prelude::*;
-
 use crate::debug::render::{self, RenderOptions};
 use crate::debug::{ExplainRequest, Session};
 use crate::drawing::heat_map::{HeatMap, HeatScale, number};
@@ -11,6 +9,7 @@ use crate::error::Result;
 use crate::harness::expect::PictureDifference;
 use crate::harness::memory;
 use crate::harness::pixel_cost::{Heat, HeatMeasure};
+use crate::pipeline::map_on_threads;
 
 /// Pictures of at most so many pixels have all of them explained.
 const EXPLAINED_WHOLE: u64 = 4096;
@@ -63,7 +62,8 @@ pub fn explain(
     scene_name: Option<&str>,
     pixels: &[[u32; 2]],
 ) -> Vec<([u32; 2], String)> {
-    let text = |&[x, y]: &[u32; 2]| {
+    let text = |at: usize| {
+        let [x, y] = pixels[at];
         let pixel = ExplainRequest::Pixel([x, y, 0]);
         let request = match pass {
             Some(pass) => ExplainRequest::InPass(pass.to_owned(), Box::new(pixel)),
@@ -77,7 +77,7 @@ pub fn explain(
         let options = RenderOptions { summary: true, ..RenderOptions::default() };
         Some(([x, y], render::text(&transcript, options)))
     };
-    pixels.par_iter().filter_map(text).collect()
+    map_on_threads(pixels.len(), text).into_iter().flatten().collect()
 }
 
 /// The heat map of numbers. Its last colour is for `top`, else for the greatest number.

@@ -126,10 +126,7 @@ fn costs_of(launch: &Launch<'_>, size: [u32; 3]) -> Result<Costs> {
         meter.begin(Some(id));
         let meter = &*meter;
         let mut sink = |event: Event| meter.event(&event);
-        let mut sink: &mut dyn PipelineObserver = &mut sink;
-        let mut counter = meter.counter();
-        let mut counter: &mut dyn Observer<1> = &mut counter;
-        launch.run_one(id, size, &mut sink, &mut counter)
+        launch.run_one(id, size, Some(&mut sink), Some(&mut meter.counter()))
     };
     let all = in_tasks(launch, size, |_, ids| {
         let mut meter = Meter::new(launch.pipeline);
@@ -199,7 +196,7 @@ fn single_ray(
     let launch = Launch { pipeline: &single.pipeline, resources: &resources };
     let mut events: Vec<Event> = Vec::new();
     let stats = if measurements.recorder.is_none() && !measurements.costs {
-        trace(scene, &launch, single.size, entry, &mut events, &mut ())?
+        trace(scene, &launch, single.size, entry, &mut events, None)?
     } else {
         let mut meter = Meter::new(launch.pipeline);
         meter.begin(None);
@@ -212,9 +209,7 @@ fn single_ray(
             sink.event(&event);
             events.push(event);
         };
-        let mut sink: &mut dyn PipelineObserver = &mut sink;
-        let mut both: &mut dyn Observer<1> = &mut both;
-        let outcome = trace(scene, &launch, single.size, entry, &mut sink, &mut both);
+        let outcome = trace(scene, &launch, single.size, entry, &mut sink, Some(&mut both));
         observed.costs = Some(meter.costs());
         outcome?
     };
@@ -241,25 +236,26 @@ impl Observer<1> for CoverageAndCost<'_> {
 }
 
 /// Runs one ray, or one invocation of ray generation.
-pub(super) fn trace<T: PipelineObserver, O: Observer<1>>(
+pub(super) fn trace(
     scene: &ResolvedScene,
     launch: &Launch<'_>,
     size: [u32; 3],
     ray: &RayEntry,
-    pipeline_observer: &mut T,
-    observer: &mut O,
+    pipeline_observer: &mut dyn PipelineObserver,
+    observer: Option<&mut dyn Observer<1>>,
 ) -> Result<Stats> {
     match ray {
         RayEntry::Pixel { pixel, .. } => {
             let [x, y] = pixel.value;
-            launch.run_one([x, y, 0], size, pipeline_observer, observer)
+            launch.run_one([x, y, 0], size, Some(pipeline_observer), observer)
         }
         RayEntry::Given(given) => {
             let tlas = if let Some((_, tlas)) = scene.tlas.first() { tlas } else { Tlas::empty() };
             let operands = session::check(given)?
                 .operands(launch.pipeline)
                 .map_err(|error| describe_payload(launch.pipeline).into_iter().fold(error, Error::note))?;
-            launch.trace_observed(tlas, operands, pipeline_observer, observer).map(|outcome| outcome.stats)
+            let traced = launch.trace_observed(tlas, operands, Some(pipeline_observer), observer);
+            traced.map(|outcome| outcome.stats)
         }
     }
 }

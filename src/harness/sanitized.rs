@@ -1,14 +1,14 @@
 //! Running a scene under the sanitizer.
 
-use std::collections::{BTreeMap, HashSet};
+use std::collections::HashSet;
 use std::sync::Arc;
 
 use crate::accel::Tlas;
 use crate::debug::session::{ResolvedRequest, SingleRun};
 use crate::error::{Error, ErrorKind, Result};
 use crate::harness::side_by_side::SideBySide;
-use crate::machine::{Observer, Resources, ShaderIndex};
-use crate::pipeline::{Launch, PipelineObserver, Stats};
+use crate::machine::{Resources, ShaderIndex};
+use crate::pipeline::{Launch, Stats};
 use crate::sanitize::contract::check_pipeline;
 use crate::sanitize::hit_indices::check_hit_indices;
 use crate::sanitize::module_checks::check_module;
@@ -19,6 +19,7 @@ use crate::sanitize::{
 use crate::scene::pass::PassWork;
 use crate::scene::unwritten::unwritten_memory;
 use crate::scene::{Assembled, ResolvedScene};
+use crate::sorted::SortedMap;
 
 /// What a run under the sanitizer gave: its statistics or its trap, and what was found until then.
 #[derive(Debug)]
@@ -65,7 +66,7 @@ pub fn run_sanitized(
     let mut findings = check_scene(scene, &reference, levels);
     let mut stats = Stats::default();
     // Rays by the pipeline that traces them, and those of compute shaders' ray queries.
-    let mut traced: BTreeMap<Option<usize>, SeenRays> = BTreeMap::new();
+    let mut traced: SortedMap<Option<usize>, SeenRays> = SortedMap::new();
     let mut queried = SeenRays::default();
     let mut unwritten = unwritten_memory(scene, resources);
     let mut sizes = Vec::new();
@@ -172,14 +173,13 @@ pub fn sanitize_one(
     let mut watch = RayWatch::new(&single.pipeline, scene, levels, &mut seen);
     let launch = Launch { pipeline: &single.pipeline, resources: &resources };
     let outcome = {
-        let mut on_event: &mut dyn PipelineObserver = &mut watch;
-        let mut observer: &mut dyn Observer<1> = &mut sanitizer;
+        let (watch, sanitizer) = (Some(&mut watch as _), Some(&mut sanitizer as _));
         match &which.what {
-            SingleRun::Pixel(id) => launch.run_one(*id, single.size, &mut on_event, &mut observer),
+            SingleRun::Pixel(id) => launch.run_one(*id, single.size, watch, sanitizer),
             SingleRun::Ray(given) => {
                 let tlas = if let Some((_, tlas)) = scene.tlas.first() { tlas } else { Tlas::empty() };
                 let operands = given.operands(launch.pipeline)?;
-                let outcome = launch.trace_observed(tlas, operands, &mut on_event, &mut observer);
+                let outcome = launch.trace_observed(tlas, operands, watch, sanitizer);
                 outcome.map(|outcome| outcome.stats)
             }
         }

@@ -49,7 +49,7 @@ impl<'a> SideBySide<'a> {
             Sanitizer::new(self.plans, &levels).of_pipeline(&pipeline).with_resources(&self.resources);
         let launch = Launch { pipeline: &pipeline, resources: &self.resources };
         // The run in order tells of a trap.
-        let _ = launch.run_observed(size, &mut (), &mut sanitizer);
+        let _ = launch.run_observed(size, &mut |_| (), &mut sanitizer);
         sanitizer.into_findings()
     }
 

@@ -1,8 +1,6 @@
 //! Runs the invocations of a launch one by one, on all threads.
 
-use rayon::prelude::*;
-
-use crate::pipeline::Launch;
+use crate::pipeline::{Launch, map_on_threads};
 
 /// Runs the invocations of a launch in tasks on all threads: in ranges of 256 consecutive launch
 /// indices, or in one task where shaders depend on the order of invocations or share memory. A
@@ -24,6 +22,6 @@ pub(super) fn in_tasks<T: Send>(
         return vec![task(0, &mut (0..count).map(id))];
     }
     let range = |number: u64| number * INVOCATIONS..count.min((number + 1) * INVOCATIONS);
-    let tasks = (0..count.div_ceil(INVOCATIONS)).into_par_iter();
-    tasks.map(|number| task(number, &mut range(number).map(id))).collect()
+    let task = |number: usize| task(number as u64, &mut range(number as u64).map(id));
+    map_on_threads(count.div_ceil(INVOCATIONS) as usize, task)
 }

@@ -3,7 +3,6 @@
 //! Resources are shared by all threads of a launch, so their memory is made of relaxed atomics:
 //! plain loads and stores on every machine, and no undefined behaviour where a shader races.
 
-use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use crate::accel::Tlas;
@@ -13,6 +12,7 @@ use crate::machine::image::Image;
 use crate::machine::open_choices::OpenChoices;
 use crate::machine::printed::{Printed, PrintedBytes};
 use crate::machine::sampler::Sampler;
+use crate::sorted::SortedMap;
 
 /// Where a descriptor is bound.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -108,12 +108,12 @@ pub struct BindingSummary {
 #[derive(Clone, Debug, Default)]
 pub struct Resources {
     /// Descriptors by binding; the position is the array element.
-    pub descriptors: BTreeMap<Binding, Vec<Descriptor>>,
+    pub descriptors: SortedMap<Binding, Vec<Descriptor>>,
     /// What shaders find in the elements of a binding that nothing is bound to, where that is no
     /// mistake.
-    pub stand_ins: BTreeMap<Binding, Descriptor>,
+    pub stand_ins: SortedMap<Binding, Descriptor>,
     /// The names of resources in their scene, for messages.
-    pub names: BTreeMap<Binding, Arc<str>>,
+    pub names: SortedMap<Binding, Arc<str>>,
     /// The bytes of the push constants.
     pub push_constants: Option<Arc<Buffer>>,
     /// The memory that shaders access through device addresses.

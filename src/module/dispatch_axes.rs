@@ -39,10 +39,8 @@ pub fn axes_read(module: &Module, grid: Grid) -> [bool; 3] {
     let mut read = [false; 3];
     loop {
         let known = whole.len();
-        for block in module.functions.iter().flat_map(|function| &function.blocks) {
-            for instruction in &block.instructions {
-                follow(module, instruction, &mut whole, &mut read);
-            }
+        for instruction in module.instructions() {
+            follow(module, instruction, &mut whole, &mut read);
         }
         if whole.len() == known || read == [true; 3] {
             return read;

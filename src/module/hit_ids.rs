@@ -70,8 +70,7 @@ impl<'a> HitIds<'a> {
     /// Of a module.
     pub fn new(module: &'a Module) -> Self {
         let mut ids = Self { module, stored: FxHashMap::default(), arguments: FxHashMap::default() };
-        let blocks = module.functions.iter().flat_map(|function| &function.blocks);
-        for instruction in blocks.flat_map(|block| &block.instructions) {
+        for instruction in module.instructions() {
             match (Op::from_u32(instruction.opcode.into()), module.operands(instruction)) {
                 (Some(Op::Store), &[pointer, object, ..]) => {
                     ids.stored.entry(Id(pointer)).or_default().push(Id(object));

@@ -25,6 +25,7 @@ pub mod grammar;
 pub mod hit_ids;
 pub mod id_map;
 mod included_lines;
+mod instructions;
 pub mod interface;
 pub mod load;
 mod lookup;
@@ -54,6 +55,7 @@ use crate::module::ty::{Type, TypeId};
 use std::ops::Range;
 use std::sync::OnceLock;
 
+pub use instructions::Instructions;
 pub use load::{load, load_with};
 
 /// A result id of the module.

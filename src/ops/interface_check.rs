@@ -147,7 +147,7 @@ fn check_instructions(translator: &mut Translator<'_>, entry: &EntryPoint, attri
     let module = translator.module;
     let letter = builtin::stage_letter(translator.stage);
     for function in module.call_tree(entry.function) {
-        for instruction in module.functions[function as usize].blocks.iter().flat_map(|b| &b.instructions) {
+        for instruction in module.functions[function as usize].instructions() {
             translator.origin.offset = instruction.offset;
             let limited = INSTRUCTION_STAGES.iter().find(|(opcode, _)| *opcode as u16 == instruction.opcode);
             if let Some((opcode, _)) = limited.filter(|(_, stages)| !stages.contains(letter)) {

@@ -326,7 +326,7 @@ impl SubgroupOp {
     }
 }
 
-/// The active lanes of a batch by subgroup.
+/// The active lanes of a batch by subgroup, in the order of their ids in it.
 pub fn subgroups<const W: usize>(batch: &Batch<W>) -> SmallVec<[Members; 4]> {
     let mut groups: SmallVec<[([u64; 3], Members); 4]> = SmallVec::new();
     for lane in batch.mask.lanes() {
@@ -335,15 +335,14 @@ pub fn subgroups<const W: usize>(batch: &Batch<W>) -> SmallVec<[Members; 4]> {
         let key = [workgroup, invocation.subgroup_id(), batch.invocations.record_indices[lane].0];
         let member = (lane, invocation.subgroup_local_invocation_id());
         match groups.iter_mut().find(|(found, _)| *found == key) {
-            Some((_, members)) => members.push(member),
+            Some((_, members)) => {
+                let place = members.partition_point(|&(_, id)| id < member.1);
+                members.insert(place, member);
+            }
             None => groups.push((key, SmallVec::from_slice(&[member]))),
         }
     }
-    let sorted = groups.into_iter().map(|(_, mut members)| {
-        members.sort_unstable_by_key(|&(_, id)| id);
-        members
-    });
-    sorted.collect()
+    groups.into_iter().map(|(_, members)| members).collect()
 }
 
 /// The id of the invocation that a value is read from; `None` for the lowest active one.

@@ -175,8 +175,7 @@ pub fn gaps(module: &Module, entry: &EntryPoint) -> Vec<Gap> {
         }
     }
     for function in module.call_tree(entry.function) {
-        let blocks = &module.functions[function as usize].blocks;
-        for instruction in blocks.iter().flat_map(|block| &block.instructions) {
+        for instruction in module.functions[function as usize].instructions() {
             match extended(module, instruction) {
                 Some((name, support)) => add(name, support, instruction.offset),
                 None => {
@@ -189,8 +188,7 @@ pub fn gaps(module: &Module, entry: &EntryPoint) -> Vec<Gap> {
     variables.retain(|(_, name)| gaps.iter().any(|gap| gap.name == *name));
     if !variables.is_empty() {
         for function in module.call_tree(entry.function) {
-            let blocks = &module.functions[function as usize].blocks;
-            for instruction in blocks.iter().flat_map(|block| &block.instructions) {
+            for instruction in module.functions[function as usize].instructions() {
                 let used = module.operand_ids(instruction);
                 for (_, name) in variables.iter().filter(|(id, _)| used.contains(id)) {
                     let gap = gaps.iter_mut().find(|gap| gap.name == *name);

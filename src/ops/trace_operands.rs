@@ -1,10 +1,9 @@
 //! Offset, stride and miss index of the rays that a module traces, where they are constants.
 
-use std::collections::BTreeSet;
-
 use rspirv::spirv::Op as Opcode;
 
 use crate::module::{Definition, Id, Instruction, Module};
+use crate::sorted::SortedSet;
 
 /// How many values are followed one after the other to constants.
 const DEPTH: u32 = 32;
@@ -14,11 +13,11 @@ const DEPTH: u32 = 32;
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct TraceOperands {
     /// `SBT Offset`
-    pub sbt_offset: Option<BTreeSet<u64>>,
+    pub sbt_offset: Option<SortedSet<u64>>,
     /// `SBT Stride`
-    pub sbt_stride: Option<BTreeSet<u64>>,
+    pub sbt_stride: Option<SortedSet<u64>>,
     /// `Miss Index`
-    pub miss_index: Option<BTreeSet<u64>>,
+    pub miss_index: Option<SortedSet<u64>>,
 }
 
 impl TraceOperands {
@@ -49,22 +48,23 @@ impl TraceOperands {
 
 /// All instructions with the index of their function.
 fn instructions(module: &Module) -> impl Iterator<Item = (u32, &Instruction)> {
-    module.functions.iter().enumerate().flat_map(|(at, function)| {
-        let all = function.blocks.iter().flat_map(|block| &block.instructions);
-        all.map(move |instruction| (at as u32, instruction))
-    })
+    module
+        .functions
+        .iter()
+        .enumerate()
+        .flat_map(|(at, function)| function.instructions().map(move |instruction| (at as u32, instruction)))
 }
 
 /// The constants that a value may be; `None` where it may be something else.
-pub fn possible_constants(module: &Module, id: Id) -> Option<BTreeSet<u64>> {
+pub fn possible_constants(module: &Module, id: Id) -> Option<SortedSet<u64>> {
     values(module, id, DEPTH)
 }
 
 /// As [`possible_constants`], to a depth.
-fn values(module: &Module, id: Id, depth: u32) -> Option<BTreeSet<u64>> {
+fn values(module: &Module, id: Id, depth: u32) -> Option<SortedSet<u64>> {
     let depth = depth.checked_sub(1)?;
     if let Some(constant) = module.scalar_value(id) {
-        return Some(BTreeSet::from([constant]));
+        return Some(SortedSet::from([constant]));
     }
     match module.definition(id)? {
         Definition::Parameter(function, parameter) => {
@@ -88,7 +88,7 @@ fn values(module: &Module, id: Id, depth: u32) -> Option<BTreeSet<u64>> {
 }
 
 /// The constants that a variable of a function, or what a parameter points to, may hold.
-fn stored(module: &Module, function: u32, pointer: Id, depth: u32) -> Option<BTreeSet<u64>> {
+fn stored(module: &Module, function: u32, pointer: Id, depth: u32) -> Option<SortedSet<u64>> {
     let depth = depth.checked_sub(1)?;
     // Other functions store to a variable of the module, too.
     let (Definition::Parameter(..) | Definition::Result(..)) = module.definition(pointer)? else {
@@ -149,6 +149,11 @@ fn arguments(module: &Module, function: u32, parameter: u32) -> impl Iterator<It
 }
 
 /// All values of several operands; `None` where there are none, or some are not known.
-pub fn merge(all: impl Iterator<Item = Option<BTreeSet<u64>>>) -> Option<BTreeSet<u64>> {
-    all.reduce(|a, b| Some(&a? | &b?)).flatten()
+pub fn merge(all: impl Iterator<Item = Option<SortedSet<u64>>>) -> Option<SortedSet<u64>> {
+    let both = |a: Option<SortedSet<u64>>, b: Option<SortedSet<u64>>| {
+        let mut all = a?;
+        all.extend(b?);
+        Some(all)
+    };
+    all.reduce(both).flatten()
 }

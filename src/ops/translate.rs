@@ -449,8 +449,7 @@ impl<'m> Translator<'m> {
         let module = self.module;
         let calls = self.calls.get_or_init(|| {
             let mut calls: FxHashMap<Id, Vec<&'m [u32]>> = FxHashMap::default();
-            let blocks = module.functions.iter().flat_map(|function| &function.blocks);
-            for call in blocks.flat_map(|block| &block.instructions) {
+            for call in module.instructions() {
                 if let (FUNCTION_CALL, operands @ [callee, ..]) = (call.opcode, module.operands(call)) {
                     calls.entry(Id(*callee)).or_default().push(operands);
                 }

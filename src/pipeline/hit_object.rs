@@ -4,9 +4,9 @@ use crate::accel::Tlas;
 use crate::machine::hit_object::{EncodedHit, EncodedRay, HitObject};
 use crate::machine::object::ObjectRef;
 use crate::machine::stop::RegSpan;
-use crate::machine::{Mask, Observer, Reg, TrapCode};
+use crate::machine::{Mask, Reg, TrapCode};
 use crate::ops::lane_kernel::{LaneKernel, Width};
-use crate::pipeline::observer::{Caller, PipelineObserver};
+use crate::pipeline::observer::Caller;
 use crate::pipeline::payload;
 use crate::pipeline::sbt::SbtRecord;
 use crate::pipeline::stack::{ShaderCallFrame, Stack};
@@ -29,7 +29,7 @@ impl<const W: usize> Trace<W> {
     }
 }
 
-impl<const W: usize, T: PipelineObserver, O: Observer<W>> Stack<'_, W, T, O>
+impl<const W: usize> Stack<'_, W>
 where
     LaneKernel: Width<W>,
 {

@@ -117,12 +117,9 @@ impl Launch<'_> {
     where
         LaneKernel: Width<W>,
     {
-        let (mut pipeline_observer, mut observer) = ((), ());
         let (dog, first_task) = (work.watchdog, work.first_task);
         let watch = dog.watch();
-        let mut stack =
-            Stack::<W, _, _>::new(self.pipeline, work.bindings, &mut pipeline_observer, &mut observer)
-                .watched(watch.clone());
+        let mut stack = Stack::<W>::new(self.pipeline, work.bindings, None, None).watched(watch.clone());
         let mut together = None;
         for (task, range) in work.tasks.iter().map(|task| (task, work.range(task))) {
             let least = work.order.min_linear_index(&range);
@@ -157,19 +154,20 @@ impl Launch<'_> {
     }
 
     /// Runs the invocations at a range of positions under observers.
-    fn run_observed_task<const W: usize, T: PipelineObserver, O: Observer<W>>(
+    fn run_observed_task<const W: usize>(
         &self,
         work: &ObservedTasks<'_>,
         range: Range<u64>,
-        pipeline_observer: &mut T,
-        observer: &mut O,
+        pipeline_observer: &mut dyn PipelineObserver,
+        observer: &mut dyn Observer<W>,
     ) -> (Stats, Option<Trapped>)
     where
         LaneKernel: Width<W>,
     {
         work.watch.begin_task(range.end - range.start);
-        let mut stack = Stack::<W, T, O>::new(self.pipeline, work.bindings, pipeline_observer, observer)
-            .watched(work.watch.clone());
+        let mut stack =
+            Stack::<W>::new(self.pipeline, work.bindings, Some(pipeline_observer), Some(observer))
+                .watched(work.watch.clone());
         stack.launch_batches(work.record, &work.order, range);
         (stack.stats, stack.trapped)
     }
@@ -207,7 +205,7 @@ impl Launch<'_> {
     pub fn run_observed(
         &self,
         size: [u32; 3],
-        mut pipeline_observer: &mut dyn PipelineObserver,
+        pipeline_observer: &mut dyn PipelineObserver,
         observer: &mut (impl Observer<1> + Observer<64>),
     ) -> Result<Stats> {
         let record = self.ray_generation()?;
@@ -230,14 +228,8 @@ impl Launch<'_> {
         for task in 0..count.div_ceil(task_size) {
             let range = task * task_size..count.min((task + 1) * task_size);
             let (task_stats, trapped) = match single_lane {
-                true => {
-                    let mut observer: &mut dyn Observer<1> = &mut *observer;
-                    self.run_observed_task(&work, range, &mut pipeline_observer, &mut observer)
-                }
-                false => {
-                    let mut observer: &mut dyn Observer<64> = &mut *observer;
-                    self.run_observed_task(&work, range, &mut pipeline_observer, &mut observer)
-                }
+                true => self.run_observed_task::<1>(&work, range, pipeline_observer, observer),
+                false => self.run_observed_task::<64>(&work, range, pipeline_observer, observer),
             };
             if let Some(trapped) = trapped {
                 return Err(trapped.error);
@@ -258,23 +250,23 @@ impl Launch<'_> {
     /// # Errors
     /// The trap, if there is one; `InvalidArgument` for an index outside the launch, and as
     /// [`Launch::run`].
-    pub fn run_one<T: PipelineObserver, O: Observer<1>>(
+    pub fn run_one(
         &self,
         id: [u32; 3],
         size: [u32; 3],
-        pipeline_observer: &mut T,
-        observer: &mut O,
+        pipeline_observer: Option<&mut dyn PipelineObserver>,
+        observer: Option<&mut dyn Observer<1>>,
     ) -> Result<Stats> {
         let record = self.ray_generation()?;
         self.check_invocation(id, size)?;
         if self.pipeline.uses_subgroups() && self.pipeline.subgroup_size > 1 {
             return match self.pipeline.subgroup_size {
-                ..=64 => self.run_subgroup::<64, T>(record, id, size, pipeline_observer),
-                _ => self.run_subgroup::<128, T>(record, id, size, pipeline_observer),
+                ..=64 => self.run_subgroup::<64>(record, id, size, pipeline_observer),
+                _ => self.run_subgroup::<128>(record, id, size, pipeline_observer),
             };
         }
         let bindings = bindings(self.pipeline, self.resources);
-        let mut stack = Stack::<1, T, O>::new(self.pipeline, &bindings, pipeline_observer, observer)
+        let mut stack = Stack::<1>::new(self.pipeline, &bindings, pipeline_observer, observer)
             .watched(self.watch_of_one());
         let order = InvocationOrder::by_index(size);
         let position = order.linear_index(id);
@@ -312,20 +304,20 @@ impl Launch<'_> {
     }
 
     /// Runs the subgroup of a launch index; the observer sees only the events of that index.
-    fn run_subgroup<const W: usize, T: PipelineObserver>(
+    fn run_subgroup<const W: usize>(
         &self,
         record: &SbtRecord,
         id: [u32; 3],
         size: [u32; 3],
-        pipeline_observer: &mut T,
+        pipeline_observer: Option<&mut dyn PipelineObserver>,
     ) -> Result<Stats>
     where
         LaneKernel: Width<W>,
     {
         let bindings = bindings(self.pipeline, self.resources);
-        let (mut only, mut observer) = (OnlyInvocation::new(id, pipeline_observer), ());
-        let mut stack = Stack::<W, _, _>::new(self.pipeline, &bindings, &mut only, &mut observer)
-            .watched(self.watch_of_one());
+        let mut only = pipeline_observer.map(|observer| OnlyInvocation::new(id, observer));
+        let only = only.as_mut().map(|only| only as &mut dyn PipelineObserver);
+        let mut stack = Stack::<W>::new(self.pipeline, &bindings, only, None).watched(self.watch_of_one());
         stack.launch_batch(record, &InvocationOrder::by_index(size), self.subgroup_of(id, size));
         match stack.trapped {
             Some(trapped) => Err(trapped.error),
@@ -345,29 +337,29 @@ impl Launch<'_> {
     ///
     /// # Errors
     /// The trap, if there is one; `InvalidArgument` for a ray that breaks a rule.
-    pub fn trace<T: PipelineObserver>(
+    pub fn trace(
         &self,
         tlas: &Arc<Tlas>,
         operands: RayOperands,
-        pipeline_observer: &mut T,
+        pipeline_observer: Option<&mut dyn PipelineObserver>,
     ) -> Result<RayOutcome> {
-        self.trace_observed(tlas, operands, pipeline_observer, &mut ())
+        self.trace_observed(tlas, operands, pipeline_observer, None)
     }
 
     /// Traces one ray as [`Launch::trace`] does, with an observer of the shaders' operations.
     ///
     /// # Errors
     /// As [`Launch::trace`].
-    pub fn trace_observed<T: PipelineObserver, O: Observer<1>>(
+    pub fn trace_observed(
         &self,
         tlas: &Arc<Tlas>,
         operands: RayOperands,
-        pipeline_observer: &mut T,
-        observer: &mut O,
+        pipeline_observer: Option<&mut dyn PipelineObserver>,
+        observer: Option<&mut dyn Observer<1>>,
     ) -> Result<RayOutcome> {
         self.check_ray(&operands)?;
         let bindings = bindings(self.pipeline, self.resources);
-        let mut stack = Stack::<1, T, O>::new(self.pipeline, &bindings, pipeline_observer, observer)
+        let mut stack = Stack::<1>::new(self.pipeline, &bindings, pipeline_observer, observer)
             .watched(self.watch_of_one());
         let trace = stack.trace(tlas, operands);
         let words = |payload: &Registers<1>| payload.lane_words(Reg(0), payload.len() as u32, 0).collect();

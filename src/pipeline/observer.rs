@@ -9,23 +9,12 @@ use crate::machine::{Exit, OpIndex, RayQueryEvent, Reg, ShaderIndex};
 use crate::module::interface::Stage;
 use crate::ops::builtin::Builtin;
 
-/// Receives the events of a pipeline. The unit type receives none and costs nothing.
+/// Receives the events of a pipeline, as a trait object: the pipeline is compiled once, for any
+/// observer and for none.
 pub trait PipelineObserver {
-    /// Whether observers of this type are told anything: a constant of the type, so that all that
-    /// only an observer needs compiles away.
-    fn is_active() -> bool
-    where
-        Self: Sized,
-    {
-        true
-    }
-
     /// Whether ray queries emit events, too.
-    fn observes_queries() -> bool
-    where
-        Self: Sized,
-    {
-        false
+    fn observes_queries(&self) -> bool {
+        true
     }
 
     /// Whether traversal reports every node, instance and primitive that it tests, and why a
@@ -53,20 +42,11 @@ pub trait PipelineObserver {
     }
 }
 
-impl PipelineObserver for () {
-    fn is_active() -> bool {
-        false
-    }
-
-    fn event(&mut self, _event: Event) {}
-}
+/// The observer that a pipeline tells its events to, if there is one.
+pub(super) type EventReceiver<'a> = Option<&'a mut dyn PipelineObserver>;
 
 /// Collects all events, those of ray queries included.
 impl PipelineObserver for Vec<Event> {
-    fn observes_queries() -> bool {
-        true
-    }
-
     fn observes_query_traversal(&self) -> bool {
         true
     }
@@ -76,22 +56,22 @@ impl PipelineObserver for Vec<Event> {
     }
 }
 
-/// Passes on the events of one invocation only.
-pub(super) struct OnlyInvocation<'a, T> {
-    pub pipeline_observer: &'a mut T,
+/// Passes on the events of one invocation only, but those of its ray queries.
+pub(super) struct OnlyInvocation<'a> {
+    pub pipeline_observer: &'a mut dyn PipelineObserver,
     pub launch_id: [u32; 3],
     is_selected: bool,
 }
 
-impl<'a, T: PipelineObserver> OnlyInvocation<'a, T> {
-    pub(super) fn new(launch_id: [u32; 3], pipeline_observer: &'a mut T) -> Self {
+impl<'a> OnlyInvocation<'a> {
+    pub(super) fn new(launch_id: [u32; 3], pipeline_observer: &'a mut dyn PipelineObserver) -> Self {
         Self { pipeline_observer, launch_id, is_selected: true }
     }
 }
 
-impl<T: PipelineObserver> PipelineObserver for OnlyInvocation<'_, T> {
-    fn is_active() -> bool {
-        T::is_active()
+impl PipelineObserver for OnlyInvocation<'_> {
+    fn observes_queries(&self) -> bool {
+        false
     }
 
     fn observes_traversal(&self) -> bool {
@@ -127,40 +107,8 @@ pub struct Caller {
 /// Passes events to a closure. Ray queries emit events of instructions and commits, not of
 /// traversal.
 impl<F: FnMut(Event)> PipelineObserver for F {
-    fn observes_queries() -> bool {
-        true
-    }
-
     fn event(&mut self, event: Event) {
         self(event);
-    }
-}
-
-/// Any observer, as a trait object: of those that differ from run to run, the pipeline is compiled
-/// for this one only. Ray queries emit events, whether or not the observer reads them.
-impl PipelineObserver for &mut dyn PipelineObserver {
-    fn observes_queries() -> bool {
-        true
-    }
-
-    fn observes_traversal(&self) -> bool {
-        (**self).observes_traversal()
-    }
-
-    fn observes_query_traversal(&self) -> bool {
-        (**self).observes_query_traversal()
-    }
-
-    fn invocation(&mut self, launch_id: [u32; 3]) {
-        (**self).invocation(launch_id);
-    }
-
-    fn event(&mut self, event: Event) {
-        (**self).event(event);
-    }
-
-    fn null_shader(&mut self, caller: Caller, words: &mut [u32]) -> bool {
-        (**self).null_shader(caller, words)
     }
 }
 
@@ -267,24 +215,20 @@ pub enum Event {
 }
 
 /// Passes the events of a traversal on as events of the pipeline.
-pub(super) struct TraversalAdapter<'a, T> {
-    observer: &'a mut T,
+pub(super) struct TraversalAdapter<'a> {
+    observer: &'a mut dyn PipelineObserver,
     /// Whether the observer wants to know what is tested, not only what is hit.
     observes_tests: bool,
 }
 
-impl<'a, T: PipelineObserver> TraversalAdapter<'a, T> {
-    pub(super) fn new(observer: &'a mut T) -> Self {
-        let observes_tests = T::is_active() && observer.observes_traversal();
+impl<'a> TraversalAdapter<'a> {
+    pub(super) fn new(observer: &'a mut dyn PipelineObserver) -> Self {
+        let observes_tests = observer.observes_traversal();
         Self { observer, observes_tests }
     }
 }
 
-impl<T: PipelineObserver> TraversalObserver for TraversalAdapter<'_, T> {
-    fn is_active() -> bool {
-        T::is_active()
-    }
-
+impl TraversalObserver for TraversalAdapter<'_> {
     fn explains_misses(&self) -> bool {
         self.observes_tests
     }
@@ -308,8 +252,6 @@ impl<T: PipelineObserver> TraversalObserver for TraversalAdapter<'_, T> {
     }
 
     fn commit(&mut self, committed: &Committed) {
-        if T::is_active() {
-            self.observer.event(Event::Opaque(*committed));
-        }
+        self.observer.event(Event::Opaque(*committed));
     }
 }

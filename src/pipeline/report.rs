@@ -6,7 +6,7 @@ use crate::accel::HitKind;
 use crate::machine::{Batch, Exit, Lanes, Mask, Reg, ShaderIndex, TrapCode};
 use crate::ops::pointer::storage;
 use crate::pipeline::Pipeline;
-use crate::pipeline::observer::{Event, PipelineObserver};
+use crate::pipeline::observer::{Event, EventReceiver};
 use crate::pipeline::trace::{Trace, Words, hit_group_at};
 use crate::program::Program;
 
@@ -42,14 +42,14 @@ struct ReportedHit {
 impl<const W: usize> IntersectionReport<W> {
     /// Reads the hits that the lanes of an intersection batch report, and decides those that need
     /// no any-hit shader.
-    pub(super) fn new<T: PipelineObserver>(
+    pub(super) fn new(
         pipeline: &Pipeline,
         trace: &mut Trace<W>,
         program: &Program,
         batch: &mut Batch<W>,
         mask: Mask<W>,
         registers: ReportRegisters,
-        observer: &mut T,
+        observer: &mut EventReceiver<'_>,
     ) -> Self {
         let ReportRegisters { t, hit_kind, accepted } = registers;
         let mut report = Self { accepted, pending: SmallVec::new(), reports: SmallVec::from_elem(None, W) };
@@ -124,13 +124,13 @@ impl<const W: usize> IntersectionReport<W> {
     }
 
     /// Applies the decisions of an any-hit shader to lanes of the intersection batch.
-    pub(super) fn apply_any_hit<T: PipelineObserver>(
+    pub(super) fn apply_any_hit(
         &mut self,
         trace: &mut Trace<W>,
         intersection: &mut Batch<W>,
         any_hit: &Batch<W>,
         lanes: Mask<W>,
-        observer: &mut T,
+        observer: &mut EventReceiver<'_>,
     ) {
         for lane in lanes.lanes() {
             let Some(reported) = self.reports[lane].take() else { continue };
@@ -157,19 +157,19 @@ impl<const W: usize> IntersectionReport<W> {
     }
 
     /// Writes the result of the report into a lane of the intersection batch.
-    fn write_result<T: PipelineObserver>(
+    fn write_result(
         &self,
         batch: &mut Batch<W>,
         lane: usize,
         reported: &ReportedHit,
         accepted: bool,
-        observer: &mut T,
+        observer: &mut EventReceiver<'_>,
     ) {
         batch.registers[self.accepted].0[lane] = u32::from(accepted);
         if accepted {
             batch.invocations.set_t_max(lane, reported.t);
         }
-        if T::is_active() {
+        if let Some(observer) = observer {
             observer.invocation(batch.invocations.launch_id(lane));
             observer.event(Event::Report { t: reported.t, hit_kind: reported.kind, accepted });
         }

@@ -24,11 +24,11 @@ impl Launch<'_> {
     ///
     /// # Errors
     /// `InvalidArgument` for more invocations than `maxRayDispatchInvocationCount`.
-    pub fn run_single_threaded<const W: usize, T: PipelineObserver, O: Observer<W>>(
+    pub fn run_single_threaded<const W: usize>(
         &self,
         size: [u32; 3],
-        pipeline_observer: &mut T,
-        observer: &mut O,
+        pipeline_observer: Option<&mut dyn PipelineObserver>,
+        observer: Option<&mut dyn Observer<W>>,
     ) -> Result<Ended>
     where
         LaneKernel: Width<W>,
@@ -38,8 +38,7 @@ impl Launch<'_> {
         let bindings = bindings(self.pipeline, self.resources);
         let watch = self.watchdog(count).watch();
         watch.begin_task(count);
-        let mut stack =
-            Stack::<W, T, O>::new(self.pipeline, &bindings, pipeline_observer, observer).watched(watch);
+        let mut stack = Stack::<W>::new(self.pipeline, &bindings, pipeline_observer, observer).watched(watch);
         stack.launch_batches(record, &InvocationOrder::by_index(size), 0..count);
         Ok(outcome(stack.trapped, stack.stats))
     }
@@ -51,14 +50,14 @@ impl Launch<'_> {
     /// `InvalidArgument` where the pipeline has no such shader, and for one that does not run by
     /// itself: an intersection shader, which reports to a trace, and any that is not of ray
     /// tracing.
-    pub fn invoke<const W: usize, T: PipelineObserver, O: Observer<W>>(
+    pub fn invoke<const W: usize>(
         &self,
         shader: ShaderIndex,
         invocation: Invocation,
         payload: &[u32],
         attributes: &[u32],
-        pipeline_observer: &mut T,
-        observer: &mut O,
+        pipeline_observer: Option<&mut dyn PipelineObserver>,
+        observer: Option<&mut dyn Observer<W>>,
     ) -> Result<Ended>
     where
         LaneKernel: Width<W>,
@@ -71,7 +70,7 @@ impl Launch<'_> {
             return Err(invalid(format!("shader `{name}` is {stage}, which does not run by itself")));
         }
         let bindings = bindings(self.pipeline, self.resources);
-        let mut stack = Stack::<W, T, O>::new(self.pipeline, &bindings, pipeline_observer, observer)
+        let mut stack = Stack::<W>::new(self.pipeline, &bindings, pipeline_observer, observer)
             .watched(self.watch_of_one());
         stack.invoke(shader, invocation, payload.into(), attributes.into());
         Ok(outcome(stack.trapped, stack.stats))
@@ -82,19 +81,19 @@ impl Launch<'_> {
     ///
     /// # Errors
     /// `InvalidArgument` for a ray that breaks a rule.
-    pub fn trace_single<const W: usize, T: PipelineObserver, O: Observer<W>>(
+    pub fn trace_single<const W: usize>(
         &self,
         tlas: &Arc<Tlas>,
         operands: RayOperands,
-        pipeline_observer: &mut T,
-        observer: &mut O,
+        pipeline_observer: Option<&mut dyn PipelineObserver>,
+        observer: Option<&mut dyn Observer<W>>,
     ) -> Result<Ended>
     where
         LaneKernel: Width<W>,
     {
         self.check_ray(&operands)?;
         let bindings = bindings(self.pipeline, self.resources);
-        let mut stack = Stack::<W, T, O>::new(self.pipeline, &bindings, pipeline_observer, observer)
+        let mut stack = Stack::<W>::new(self.pipeline, &bindings, pipeline_observer, observer)
             .watched(self.watch_of_one());
         let trace = stack.trace(tlas, operands);
         let of_ray = || trace.and_then(|trace| host_ray_trap(self.pipeline, &trace));

@@ -18,7 +18,7 @@ use crate::ops::pointer::storage;
 use crate::ops::translate::InterfaceRegisters;
 use crate::pipeline::group::Role;
 use crate::pipeline::host_ray::RayOperands;
-use crate::pipeline::observer::{Caller, Event, PipelineObserver};
+use crate::pipeline::observer::{Caller, Event, EventReceiver, PipelineObserver};
 use crate::pipeline::order::InvocationOrder;
 use crate::pipeline::report::{IntersectionReport, ReportRegisters};
 use crate::pipeline::sbt::SbtRecord;
@@ -88,12 +88,15 @@ pub(super) enum ShaderCallFrame<const W: usize> {
     Report(Box<IntersectionReport<W>>),
 }
 
+/// The observer of the operations of a pipeline's shaders, if there is one.
+pub(super) type OperationObserver<'a, const W: usize> = Option<&'a mut dyn Observer<W>>;
+
 /// Runs the shaders of one batch of a launch, or of one ray.
-pub(super) struct Stack<'a, const W: usize, T, O> {
+pub(super) struct Stack<'a, const W: usize> {
     pub pipeline: &'a Pipeline,
     pub bindings: &'a [Bindings],
-    pub pipeline_observer: &'a mut T,
-    pub observer: &'a mut O,
+    pub pipeline_observer: EventReceiver<'a>,
+    pub observer: OperationObserver<'a, W>,
     pub stats: Stats,
     /// The trap of the lowest launch index.
     pub trapped: Option<Trapped>,
@@ -128,22 +131,22 @@ pub(super) fn bindings(pipeline: &Pipeline, resources: &Resources) -> Vec<Bindin
     pipeline.programs.iter().enumerate().map(of).collect()
 }
 
-impl<'a, const W: usize, T: PipelineObserver, O: Observer<W>> Stack<'a, W, T, O>
+impl<'a, const W: usize> Stack<'a, W>
 where
     LaneKernel: Width<W>,
 {
     pub(super) fn new(
         pipeline: &'a Pipeline,
         bindings: &'a [Bindings],
-        pipeline_observer: &'a mut T,
-        observer: &'a mut O,
+        pipeline_observer: Option<&'a mut (dyn PipelineObserver + '_)>,
+        observer: Option<&'a mut (dyn Observer<W> + '_)>,
     ) -> Self {
         let free_batches = pipeline.programs.iter().map(|_| Vec::new()).collect();
         Self {
             pipeline,
             bindings,
-            pipeline_observer,
-            observer,
+            pipeline_observer: pipeline_observer.map(|observer| observer as _),
+            observer: observer.map(|observer| observer as _),
             stats: Stats::default(),
             trapped: None,
             frames: Vec::new(),
@@ -202,7 +205,7 @@ where
             lane += run;
         }
         (0..count).for_each(|lane| invocations.set_record(lane, record.as_ref()));
-        begin(self.pipeline, self.observer, &mut running, Mask::first(count));
+        begin(self.pipeline, &mut self.observer, &mut running, Mask::first(count));
         self.push_shader(running);
         self.run();
     }
@@ -224,7 +227,7 @@ where
         };
         let mut running = self.acquire_batch(shader, role);
         running.batch.invocations.set(0, invocation);
-        begin(self.pipeline, self.observer, &mut running, Mask::lane(0));
+        begin(self.pipeline, &mut self.observer, &mut running, Mask::lane(0));
         for (span, words) in [(running.data, payload), (running.attributes, attributes)] {
             if let Some(span) = span {
                 let words = words.into_iter().take(span.count as usize);
@@ -255,20 +258,22 @@ where
                 ShaderCallFrame::Shader(running) => {
                     let program = &self.pipeline.programs[running.shader.index()];
                     let bindings = &self.bindings[running.shader.index()];
-                    if O::is_active() {
-                        self.observer.resumed(running.shader, &mut running.batch);
-                    }
-                    let stop = interp::run(&mut running.batch, program, bindings, self.observer);
-                    if O::is_active() {
-                        self.observer.stopped(running.shader, &running.batch);
-                    }
-                    if T::observes_queries()
-                        && let Some(events) = &mut running.batch.queries.events
+                    let stop = match &mut self.observer {
+                        None => interp::run(&mut running.batch, program, bindings, &mut ()),
+                        Some(observer) => {
+                            observer.resumed(running.shader, &mut running.batch);
+                            let stop = interp::run(&mut running.batch, program, bindings, observer);
+                            observer.stopped(running.shader, &running.batch);
+                            stop
+                        }
+                    };
+                    if let (Some(observer), Some(events)) =
+                        (&mut self.pipeline_observer, &mut running.batch.queries.events)
                     {
                         for event in events.drain(..) {
                             let id = running.batch.invocations.launch_id(event.lane as usize);
-                            self.pipeline_observer.invocation(id);
-                            self.pipeline_observer.event(Event::RayQuery(event));
+                            observer.invocation(id);
+                            observer.event(Event::RayQuery(event));
                         }
                     }
                     match stop {
@@ -316,7 +321,7 @@ where
             unreachable!("bug in anyhit: a shader outside a trace");
         };
         trace.write_builtins(self.pipeline, role, lanes, &mut running.batch.invocations);
-        begin(self.pipeline, self.observer, &mut running, lanes);
+        begin(self.pipeline, &mut self.observer, &mut running, lanes);
         running.copy_data_in(trace.payload(below), *payload);
         if let Some(attributes) = running.attributes() {
             trace.write_hit_attributes(role, lanes, attributes);
@@ -362,16 +367,16 @@ where
         if let Some(watch) = &self.watch {
             watch.charge(u64::from(program.entry_cost()) * u64::from(mask.count()));
         }
-        if T::is_active() {
-            running.batch.queries.events = T::observes_queries().then(Vec::new);
-            running.batch.queries.records_traversal = self.pipeline_observer.observes_query_traversal();
+        if let Some(observer) = &mut self.pipeline_observer {
+            running.batch.queries.events = observer.observes_queries().then(Vec::new);
+            running.batch.queries.records_traversal = observer.observes_query_traversal();
             for lane in mask.lanes() {
                 let read =
                     |first: Reg, count| running.batch.registers.lane_words(first, count, lane).collect();
                 let words =
                     |span: Option<RegSpan>| span.map_or_else(Vec::new, |span| read(span.first, span.count));
-                self.pipeline_observer.invocation(running.batch.invocations.launch_id(lane));
-                self.pipeline_observer.event(Event::Enter {
+                observer.invocation(running.batch.invocations.launch_id(lane));
+                observer.event(Event::Enter {
                     shader: running.shader,
                     stage: program.stage,
                     builtins: program
@@ -429,19 +434,22 @@ where
         if let Some(watch) = &self.watch {
             watch.charge(running.batch.take_charged());
         }
-        let told = if T::is_active() { running.lanes } else { running.lanes & running.batch.trapped() };
+        let told = match &self.pipeline_observer {
+            Some(_) => running.lanes,
+            None => running.lanes & running.batch.trapped(),
+        };
         for lane in told.lanes() {
             let exit = running.batch.exits[lane];
             if let Exit::Trapped(trap) = exit {
                 self.trap(&running, lane, trap);
             }
-            if T::is_active() {
+            if let Some(observer) = &mut self.pipeline_observer {
                 let payload = running.data.map_or_else(Vec::new, |span| {
                     running.batch.registers.lane_words(span.first, span.count, lane).collect()
                 });
                 let (shader, stage) = (running.shader, program.stage);
-                self.pipeline_observer.invocation(running.batch.invocations.launch_id(lane));
-                self.pipeline_observer.event(Event::Leave { shader, stage, exit, payload });
+                observer.invocation(running.batch.invocations.launch_id(lane));
+                observer.event(Event::Leave { shader, stage, exit, payload });
             }
         }
         let (lanes, batch) = (running.lanes, &running.batch);
@@ -465,7 +473,8 @@ where
                 ShaderCallFrame::Report(report),
             ] => {
                 running.copy_data_out(trace.payload(below), *payload);
-                report.apply_any_hit(trace, &mut intersection.batch, batch, lanes, self.pipeline_observer);
+                let observer = &mut self.pipeline_observer;
+                report.apply_any_hit(trace, &mut intersection.batch, batch, lanes, observer);
             }
             _ => unreachable!("bug in anyhit: a shader without a caller"),
         }
@@ -485,7 +494,7 @@ where
             };
             let Some(shader) = record.as_ref().and_then(|record| general_shader(self.pipeline, record))
             else {
-                if T::is_active() {
+                if let Some(observer) = &mut self.pipeline_observer {
                     let caller = Caller {
                         shader: running.shader,
                         op: running.batch.stopped_at(),
@@ -493,8 +502,8 @@ where
                     };
                     let registers = &mut running.batch.registers;
                     let mut words: Words = registers.lane_words(data.first, data.count, lane).collect();
-                    self.pipeline_observer.invocation(running.batch.invocations.launch_id(lane));
-                    if self.pipeline_observer.null_shader(caller, &mut words) {
+                    observer.invocation(running.batch.invocations.launch_id(lane));
+                    if observer.null_shader(caller, &mut words) {
                         registers.set_lane_words(data.first, lane, words);
                         registers.define(data.first, data.count, Mask::lane(lane));
                     }
@@ -562,7 +571,7 @@ where
             let record = record_at(&self.pipeline.sbt.callable, index).and_then(SbtRecord::shader_record);
             to.set_record(lane, record.as_ref());
         }
-        begin(self.pipeline, self.observer, &mut running, lanes);
+        begin(self.pipeline, &mut self.observer, &mut running, lanes);
         running.copy_data_in(&below.batch.registers, data);
         self.push_shader(running);
     }
@@ -581,7 +590,7 @@ where
             &mut running.batch,
             mask,
             registers,
-            self.pipeline_observer,
+            &mut self.pipeline_observer,
         );
         self.frames.push(ShaderCallFrame::Report(Box::new(report)));
     }
@@ -617,7 +626,7 @@ where
         };
         trace.write_builtins(self.pipeline, role, lanes, &mut running.batch.invocations);
         report.write_builtins(lanes, &mut running.batch);
-        begin(self.pipeline, self.observer, &mut running, lanes);
+        begin(self.pipeline, &mut self.observer, &mut running, lanes);
         running.copy_data_in(trace.payload(below), *payload);
         if let Some(attributes) = running.attributes() {
             report.write_hit_attributes(lanes, attributes);
@@ -627,16 +636,16 @@ where
 }
 
 /// Begins the lanes of a batch. Their invocations must be set.
-fn begin<const W: usize, O: Observer<W>>(
+fn begin<const W: usize>(
     pipeline: &Pipeline,
-    observer: &mut O,
+    observer: &mut OperationObserver<'_, W>,
     running: &mut RunningShader<W>,
     lanes: Mask<W>,
 ) {
     let program = &pipeline.programs[running.shader.index()];
     running.lanes = lanes;
     program.begin(&mut running.batch, lanes, pipeline.fuel);
-    if O::is_active() {
+    if let Some(observer) = observer {
         observer.began(running.shader, &mut running.batch);
     }
 }

@@ -1,8 +1,7 @@
 //! Counts of what launches and dispatches did.
 
-use std::collections::BTreeMap;
-
 use crate::module::interface::Stage;
+use crate::sorted::SortedMap;
 
 /// Counts of what a launch did.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -19,7 +18,7 @@ pub struct Stats {
     pub reorders: u64,
     /// Invocations and batches by stage.
     #[doc(hidden)]
-    pub shaders: BTreeMap<Stage, ShaderStats>,
+    pub shaders: SortedMap<Stage, ShaderStats>,
     /// Work that was elided.
     #[doc(hidden)]
     pub elided: Elided,

@@ -135,8 +135,7 @@ where
             _ => None,
         };
         let mut events = EventsOf { launch_id, is_selected: true, on_event };
-        let mut observer = observer;
-        let mut stack = Stack::<W, _, _>::new(&self.pipeline, &self.bindings, &mut events, &mut observer);
+        let mut stack = Stack::<W>::new(&self.pipeline, &self.bindings, Some(&mut events), Some(observer));
         let LaunchState { begun, frames, stats, stack_size, trapped } = std::mem::take(&mut self.state);
         (stack.frames, stack.stats, stack.stack_size, stack.trapped) = (frames, stats, stack_size, trapped);
         let traced = match &self.subject {
@@ -212,10 +211,6 @@ struct EventsOf<'a> {
 }
 
 impl PipelineObserver for EventsOf<'_> {
-    fn observes_queries() -> bool {
-        true
-    }
-
     fn observes_query_traversal(&self) -> bool {
         true
     }

@@ -17,7 +17,7 @@ use crate::machine::stop::RegSpan;
 use crate::machine::{HitRecordTerms, Lanes, Mask, OpenChoices, Registers, ShaderIndex, TrapCode};
 use crate::pipeline::Pipeline;
 use crate::pipeline::group::{Group, HitGroup, Role};
-use crate::pipeline::observer::{Caller, PipelineObserver};
+use crate::pipeline::observer::{Caller, EventReceiver};
 use crate::pipeline::opaque_batch::OpaqueBatch;
 use crate::pipeline::sbt::SbtRecord;
 use crate::pipeline::stats::Stats;
@@ -203,12 +203,12 @@ impl<const W: usize> Trace<W> {
 
     /// Advances until a shader must run; `None` when every ray is done. `payload` holds the
     /// registers of the rays' payload.
-    pub(super) fn advance<T: PipelineObserver>(
+    pub(super) fn advance(
         &mut self,
         pipeline: &Pipeline,
         choices: Option<&OpenChoices>,
         payload: Option<(&mut Registers<W>, RegSpan)>,
-        observer: &mut T,
+        observer: &mut EventReceiver<'_>,
     ) -> Option<PendingCall<W>> {
         loop {
             if let Some(call) = self.pending.pop() {
@@ -218,7 +218,7 @@ impl<const W: usize> Trace<W> {
                 return None;
             }
             if !std::mem::replace(&mut self.started, true) {
-                self.begin_traversal::<T>(choices);
+                self.begin_traversal(observer.is_some(), choices);
             }
             self.traverse(pipeline, observer);
             if self.pending.is_empty() {

@@ -6,12 +6,12 @@ use crate::accel::{RayFlags, RayRule, Tlas, TraceRay};
 use crate::geometry::Ray;
 use crate::machine::object::ObjectRef;
 use crate::machine::stop::RegSpan;
-use crate::machine::{AccessFault, Bindings, Mask, Observer, Reg, Registers, TrapCode};
+use crate::machine::{AccessFault, Bindings, Mask, Reg, Registers, TrapCode};
 use crate::ops::hit_object;
 use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::ops::ray_tracing::TRACE_OPERANDS;
 use crate::pipeline::host_ray::RayOperands;
-use crate::pipeline::observer::{Caller, Event, PipelineObserver};
+use crate::pipeline::observer::{Caller, Event};
 use crate::pipeline::stack::{ShaderCallFrame, Stack};
 use crate::pipeline::trace::{Trace, Words};
 use crate::pipeline::{PipelineFlags, payload};
@@ -69,7 +69,7 @@ impl<const W: usize> Trace<W> {
     }
 }
 
-impl<const W: usize, T: PipelineObserver, O: Observer<W>> Stack<'_, W, T, O>
+impl<const W: usize> Stack<'_, W>
 where
     LaneKernel: Width<W>,
 {
@@ -139,13 +139,13 @@ where
     ) {
         self.stats.rays += u64::from(trace.lanes().count());
         self.stats.zero_directions += u64::from((trace.rays.without_direction() & trace.lanes()).count());
-        if T::is_active() {
+        if let Some(observer) = &mut self.pipeline_observer {
             for lane in trace.lanes().lanes() {
                 let registers = trace.payload(&mut self.frames);
                 let words = registers.lane_words(payload.first, payload.count, lane).collect();
                 let launch_id = trace.launch_id(lane);
-                self.pipeline_observer.invocation(launch_id);
-                self.pipeline_observer.event(Event::Trace {
+                observer.invocation(launch_id);
+                observer.event(Event::Trace {
                     caller: trace.caller(),
                     tlas: trace.tlas(lane).clone(),
                     launch_id,
@@ -173,7 +173,7 @@ where
         let caller = trace.caller().map_or(0, |caller| caller.shader.index());
         let choices = self.bindings.get(caller).and_then(|bindings| bindings.choices.as_deref());
         let choices = choices.filter(|choices| choices.draws_traversals());
-        match trace.advance(self.pipeline, choices, registers, self.pipeline_observer) {
+        match trace.advance(self.pipeline, choices, registers, &mut self.pipeline_observer) {
             Some(call) => {
                 self.push_traced_shader(call);
                 None
@@ -188,12 +188,14 @@ where
             return None;
         };
         self.stats = std::mem::take(&mut self.stats).plus(&trace.stats);
-        if T::is_active() && !trace.from_hit_objects {
+        if let Some(observer) = &mut self.pipeline_observer
+            && !trace.from_hit_objects
+        {
             for lane in trace.lanes().lanes() {
                 let registers = trace.payload(&mut self.frames);
                 let payload: Words = registers.lane_words(payload.first, payload.count, lane).collect();
-                self.pipeline_observer.invocation(trace.launch_id(lane));
-                self.pipeline_observer.event(Event::Traced { payload: payload.to_vec() });
+                observer.invocation(trace.launch_id(lane));
+                observer.event(Event::Traced { payload: payload.to_vec() });
             }
         }
         let Some(ShaderCallFrame::Shader(below)) = self.frames.last_mut() else { return Some(trace) };
@@ -223,7 +225,7 @@ where
     pub(super) fn acquire_trace(&mut self, invokes_hit_or_miss: bool) -> Box<Trace<W>> {
         let mut trace = self.free_traces.pop().unwrap_or_default();
         trace.reset(invokes_hit_or_miss);
-        trace.observed = T::is_active() || O::is_active();
+        trace.observed = self.pipeline_observer.is_some() || self.observer.is_some();
         trace.pipeline_flags = self.pipeline.flags.ray_flags();
         trace
     }

@@ -5,13 +5,12 @@ use std::time::Duration;
 
 use crate::error::{Error, Place, Trap, TrapOperands};
 use crate::machine::{
-    AccessFault, Batch, HitRecordTerms, LaneTrap, Observer, OpIndex, ShaderIndex, TrapCode, Watchdog,
+    AccessFault, Batch, HitRecordTerms, LaneTrap, OpIndex, ShaderIndex, TrapCode, Watchdog,
 };
 use crate::module::interface::Stage;
 use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::ops::op::Op;
 use crate::pipeline::Pipeline;
-use crate::pipeline::observer::PipelineObserver;
 use crate::pipeline::payload;
 use crate::pipeline::sbt::Sbt;
 use crate::pipeline::stack::{RunningShader, ShaderCallFrame, Stack};
@@ -50,7 +49,7 @@ impl Cause {
 /// The number of callers that a report names at each end of the stack.
 const SHOWN_CALLERS: usize = 8;
 
-impl<const W: usize, T: PipelineObserver, O: Observer<W>> Stack<'_, W, T, O>
+impl<const W: usize> Stack<'_, W>
 where
     LaneKernel: Width<W>,
 {
@@ -129,7 +128,7 @@ where
     }
 }
 
-impl<const W: usize, T: PipelineObserver, O: Observer<W>> Stack<'_, W, T, O> {
+impl<const W: usize> Stack<'_, W> {
     /// The limit that a trap is about.
     fn limit(&self, code: TrapCode) -> Option<Cause> {
         let pipeline = self.pipeline;

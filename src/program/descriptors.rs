@@ -13,6 +13,7 @@ use crate::module::ty::{ImageType, Type, TypeId};
 use crate::ops::image::view;
 use crate::ops::pointer::storage;
 use crate::program::Program;
+use crate::sorted::sort_by_key;
 
 /// `VkDescriptorType`, as far as a module tells it: a dynamic buffer is declared like any other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -223,7 +224,7 @@ pub fn missing<'a>(
             all.push((slot.binding, format!("{name}(set {set}, binding {binding}{comma}{types})")));
         }
     }
-    all.sort_by_key(|(binding, _)| *binding);
+    sort_by_key(&mut all, |(binding, _)| *binding);
     all.into_iter().map(|(_, text)| text).collect()
 }
 

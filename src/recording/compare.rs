@@ -6,11 +6,11 @@
 //! their margin, are left out and counted, and so are rays at boxes that graze the sphere of the
 //! box's shader.
 
-use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::accel::{Committed, GeometryKind, HitKind, HitPrimitive, Primitive, RayFlags, TraceRay};
 use crate::math::ulp::{ulp_error, ulp_of};
+use crate::pipeline::map_on_threads;
 use crate::recording::{Driver, RecordedPrimitives, Recording, Reference, TracedRay};
 
 /// Below this relative margin a reference of 113 bits does not decide (an exact 0 is a tangent).
@@ -157,7 +157,7 @@ impl Recording {
     /// Traces every ray again and compares what it hits with what was recorded.
     pub fn compare(&self) -> Comparison {
         let traced: Vec<ComparedRay> =
-            self.rays.par_iter().enumerate().map(|(at, &ray)| ComparedRay::of(self, at, ray)).collect();
+            map_on_threads(self.rays.len(), |at| ComparedRay::of(self, at, self.rays[at]));
         Comparison {
             rays: self.rays.len(),
             geometry: self.kind().map(|kind| kind.to_string()),

@@ -1,7 +1,5 @@
 //! How often hints about expected values hold.
 
-use std::collections::BTreeMap;
-
 use crate::error::{Error, ErrorKind};
 use crate::machine::{Batch, Mask, OpIndex, Reg, ShaderIndex};
 use crate::pipeline::with_location;
@@ -10,10 +8,11 @@ use crate::sanitize::finding::{Finding, FindingKey, Findings};
 use crate::sanitize::levels::Levels;
 use crate::sanitize::plan::ProgramPlan;
 use crate::sanitize::rule::{Level, arithmetic};
+use crate::sorted::SortedMap;
 
 /// What came of each `OpExpectKHR`, by shader and operation.
 #[derive(Debug, Default)]
-pub(super) struct Expectations(BTreeMap<(u32, u32), Outcome>);
+pub(super) struct Expectations(SortedMap<(u32, u32), Outcome>);
 
 /// How often an expected value came, and how often another.
 #[derive(Debug, Default)]

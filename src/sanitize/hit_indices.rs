@@ -11,7 +11,7 @@ use crate::machine::ShaderIndex;
 use crate::module::decoration::number;
 use crate::module::hit_ids::{HitId, HitIds};
 use crate::module::ty::Type;
-use crate::module::{Id, Module};
+use crate::module::{Function, Id, Module};
 use crate::program::Program;
 use crate::sanitize::finding::{Finding, FindingKey, Findings};
 use crate::sanitize::levels::Levels;
@@ -74,7 +74,7 @@ fn indexings(program: &Program, shader: ShaderIndex) -> Vec<(ArrayKey, Indexing)
     let ids = HitIds::new(module);
     let mut found = Vec::new();
     let functions = functions.into_iter().map(|function| &module.functions[function as usize]);
-    for instruction in functions.flat_map(|function| &function.blocks).flat_map(|block| &block.instructions) {
+    for instruction in functions.flat_map(Function::instructions) {
         let opcode = Op::from_u32(instruction.opcode.into());
         let (Some(Op::AccessChain | Op::InBoundsAccessChain), Some((&base, indices))) =
             (opcode, module.operands(instruction).split_first())

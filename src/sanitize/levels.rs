@@ -1,19 +1,18 @@
 //! Which level each rule has: its default, or what the user said.
 
-use std::collections::BTreeMap;
-
 use crate::error::names::{list_of, nearest};
 use crate::error::{Error, ErrorKind, Result};
 use crate::sanitize::rule::{self, Level, Rule};
+use crate::sorted::SortedMap;
 
 /// The levels of rules.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Levels {
-    by_id: BTreeMap<&'static str, Level>,
+    by_id: SortedMap<&'static str, Level>,
 }
 
 /// The default of every rule.
-static DEFAULTS: Levels = Levels { by_id: BTreeMap::new() };
+static DEFAULTS: Levels = Levels { by_id: SortedMap::new() };
 
 impl Levels {
     /// The default of every rule.
@@ -55,7 +54,7 @@ impl Levels {
     /// These levels, and over them those that others set.
     #[must_use]
     pub fn overridden_by(mut self, others: &Self) -> Self {
-        self.by_id.extend(&others.by_id);
+        self.by_id.extend(others.by_id.iter().map(|(&id, &level)| (id, level)));
         self
     }
 

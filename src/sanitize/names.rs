@@ -98,8 +98,7 @@ impl<'a> Argument<'a> {
             return None;
         }
         let Definition::Result(function, ..) = module.definition(variable)? else { return None };
-        let mut instructions =
-            module.functions[function as usize].blocks.iter().flat_map(|block| &block.instructions);
+        let mut instructions = module.functions[function as usize].instructions();
         instructions.find_map(|one| {
             let [callee, arguments @ ..] = module.operands(one) else { return None };
             let at = arguments.iter().position(|&argument| argument == variable.0)?;

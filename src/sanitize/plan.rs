@@ -270,8 +270,7 @@ fn inactive_rule(opcode: Option<Opcode>, kind: SubgroupKind) -> Option<&'static 
 /// Where a program has control barriers of scope Subgroup, which are no operations.
 fn subgroup_barriers(program: &Program) -> Vec<(BlockIndex, u32)> {
     let module = &program.module;
-    let blocks = module.functions.iter().flat_map(|function| &function.blocks);
-    let barriers = blocks.flat_map(|block| &block.instructions).filter(|one| {
+    let barriers = module.instructions().filter(|one| {
         let scope = module.operands(one).first().and_then(|&scope| module.scalar_value(Id(scope)));
         one.opcode == Opcode::ControlBarrier as u16 && scope == Some(Scope::Subgroup as u64)
     });
@@ -284,6 +283,5 @@ fn subgroup_barriers(program: &Program) -> Vec<(BlockIndex, u32)> {
 
 /// The ids that instructions of functions use.
 fn used_ids(module: &Module) -> FxHashSet<Id> {
-    let blocks = module.functions.iter().flat_map(|function| &function.blocks);
-    blocks.flat_map(|block| &block.instructions).flat_map(|one| module.operand_ids(one)).collect()
+    module.instructions().flat_map(|one| module.operand_ids(one)).collect()
 }

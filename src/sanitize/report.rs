@@ -470,9 +470,7 @@ fn line_of_read(program: &Program, builtin: u32) -> String {
     let mut pointers: Vec<Id> =
         variables.filter(|&id| module.decorations.literal(id, number::BUILT_IN) == Some(builtin)).collect();
     let mut loads = Vec::new();
-    for one in
-        module.functions.iter().flat_map(|function| &function.blocks).flat_map(|block| &block.instructions)
-    {
+    for one in module.instructions() {
         let base = module.operands(one).first().map(|&base| Id(base));
         if !base.is_some_and(|base| pointers.contains(&base)) {
             continue;

@@ -425,10 +425,6 @@ impl PausedRayWatch {
 }
 
 impl PipelineObserver for RayWatch<'_> {
-    fn observes_queries() -> bool {
-        true
-    }
-
     fn observes_traversal(&self) -> bool {
         false
     }

@@ -22,7 +22,7 @@ impl<'a> Sources<'a> {
         let (stored, arguments, returned) = Default::default();
         let mut sources = Self { module, stored, arguments, returned };
         for function in &module.functions {
-            for instruction in function.blocks.iter().flat_map(|block| &block.instructions) {
+            for instruction in function.instructions() {
                 let operands = module.operands(instruction);
                 match (Op::from_u32(instruction.opcode.into()), operands) {
                     (Some(Op::Store), &[pointer, object, ..]) => {
@@ -101,8 +101,7 @@ fn is_access_chain(instruction: &Instruction) -> bool {
 /// through nothing with a name, or its way is not known.
 pub(super) fn names_on_path(module: &Module, user: u32, maker: u32) -> Vec<String> {
     let sources = Sources::new(module);
-    let mut instructions = module.functions.iter().flat_map(|function| &function.blocks);
-    let user = instructions.find_map(|block| block.instructions.iter().find(|one| one.offset == user));
+    let user = module.instructions().find(|one| one.offset == user);
     let Some(user) = user else { return Vec::new() };
     let mut open: Vec<(Id, Option<usize>)> =
         module.operand_ids(user).into_iter().map(|id| (id, None)).collect();

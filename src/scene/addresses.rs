@@ -1,17 +1,17 @@
 //! The device addresses of a scene's buffers and acceleration structures.
 
-use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use crate::error::Result;
 use crate::machine::{Buffer, DeviceMemory};
 use crate::scene::address_entry::AddressOf;
+use crate::sorted::SortedMap;
 
 /// The addresses of a scene.
 #[derive(Clone, Debug, Default)]
 pub struct Addresses {
     /// By name: where it begins and how large it is.
-    pub(super) by_name: BTreeMap<String, (u64, u64)>,
+    pub(super) by_name: SortedMap<String, (u64, u64)>,
     /// What lies there; buffers are made when all addresses are known.
     pub(super) memory: DeviceMemory,
 }
@@ -45,7 +45,7 @@ impl Addresses {
     }
 
     /// The address space with the buffers themselves, by name.
-    pub(super) fn memory(&self, buffers: &BTreeMap<&str, Arc<Buffer>>) -> DeviceMemory {
+    pub(super) fn memory(&self, buffers: &SortedMap<&str, Arc<Buffer>>) -> DeviceMemory {
         self.memory.with_named(|name| buffers.get(name).cloned())
     }
 }

@@ -1,6 +1,6 @@
 //! Makes a pipeline and its resources from a resolved scene.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::HashMap;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -28,6 +28,7 @@ use crate::scene::resolved::{
     ResolvedShader, ShaderCode, ShaderModule,
 };
 use crate::scene::resources::{BufferView, Resource};
+use crate::sorted::SortedMap;
 
 /// A scene that can be launched.
 #[derive(Clone, Debug)]
@@ -440,7 +441,7 @@ fn resources(
     errors: &mut Vec<Error>,
 ) -> Resources {
     // The buffers that have addresses, by name.
-    let mut addressed: BTreeMap<&str, Arc<Buffer>> = BTreeMap::new();
+    let mut addressed: SortedMap<&str, Arc<Buffer>> = SortedMap::new();
     for buffer in &scene.unbound {
         match buffer.data.encode(addresses) {
             Ok(bytes) => drop(addressed.insert(&buffer.name, Buffer::new(&bytes))),

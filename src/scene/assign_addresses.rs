@@ -3,7 +3,6 @@
 //! Automatic addresses follow the names of what has them, so that they do not depend on the order
 //! of a file, on bindings or on what is included.
 
-use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use crate::accel::Tlas;
@@ -13,6 +12,7 @@ use crate::scene::address_entry::AddressChoice;
 use crate::scene::addresses::Addresses;
 use crate::scene::read::{Diagnostics, Spanned, unknown_name};
 use crate::scene::resources::{BufferView, Resource};
+use crate::sorted::{SortedMap, SortedSet};
 
 /// What lies at addresses.
 enum Target<'a> {
@@ -55,11 +55,11 @@ enum Named {
 }
 
 /// Everything in a scene that `address_of` may name.
-struct Names<'a>(BTreeMap<&'a str, Named>);
+struct Names<'a>(SortedMap<&'a str, Named>);
 
 impl<'a> Names<'a> {
     fn of(scene: &'a ResolvedScene) -> Self {
-        let mut names = BTreeMap::new();
+        let mut names = SortedMap::new();
         // A resource hides an acceleration structure of its name.
         names.extend(scene.tlas.iter().enumerate().map(|(at, (name, _))| (name.as_str(), Named::Tlas(at))));
         names.extend(
@@ -128,7 +128,7 @@ impl Addresses {
     pub fn assign(scene: &ResolvedScene, errors: &mut Vec<Error>) -> Self {
         let names = Names::of(scene);
         let targets = scene.address_targets();
-        let mut wanted: BTreeSet<&str> = targets.iter().map(|of| of.target.value.as_str()).collect();
+        let mut wanted: SortedSet<&str> = targets.iter().map(|of| of.target.value.as_str()).collect();
         wanted.extend(scene.kept_addresses.iter().map(String::as_str));
         // A view has an address where its buffer has one.
         let views = scene.resources.iter().filter_map(|one| match &one.resource {

@@ -10,12 +10,11 @@ use std::io::{BufWriter, Write};
 use std::ops::Range;
 use std::path::Path;
 
-use rayon::prelude::*;
-
 use crate::atomic_file::{self, AtomicFile};
 use crate::error::{Error, ErrorKind, Result};
 use crate::machine;
 use crate::machine::format::{Class, Component, Format};
+use crate::pipeline::map_on_threads;
 use crate::scene::read::Named;
 
 /// GLSL's names of image formats in small letters; `srgb8_alpha8` as in OpenGL.
@@ -284,9 +283,9 @@ impl PngRows<'_> {
         const ROWS_PER_CHUNK: u32 = 64;
         let (conversion, end) = (&self.conversion, rows.end);
         for first in rows.step_by(ROWS_PER_CHUNK as usize) {
-            let some = first..end.min(first.saturating_add(ROWS_PER_CHUNK));
-            let pixels = some.into_par_iter().map(|row| Ok(conversion.pixels(&bytes(row)?)));
-            let pixels: Vec<_> = pixels.collect::<Result<_>>()?;
+            let count = ROWS_PER_CHUNK.min(end - first) as usize;
+            let pixels = |at: usize| Ok(conversion.pixels(&bytes(first + at as u32)?));
+            let pixels: Vec<_> = map_on_threads(count, pixels).into_iter().collect::<Result<_>>()?;
             let written = pixels.iter().try_for_each(|row| self.to.write_all(row));
             written.map_err(|error| Error::io(self.path, error))?;
         }

@@ -15,7 +15,6 @@ mod unknown_name;
 mod values;
 
 use std::cell::RefCell;
-use std::collections::BTreeSet;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -26,6 +25,7 @@ use crate::error::names::nearest;
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::input::{InputLimit, InputLimits, contained};
 use crate::scene::tree::{Toml, TomlMember, TomlNode};
+use crate::sorted::SortedSet;
 
 use brackets::first_in_bracket;
 pub use diagnostics::Diagnostics;
@@ -221,7 +221,7 @@ impl<'a> TomlValue<'a> {
     /// Whether it is this word.
     pub fn is_word(&self, word: &'static str) -> bool {
         if let Some(recorder) = self.report.recorder() {
-            recorder.names(self.node.range.clone(), std::iter::once(word));
+            recorder.names(self.node.range.clone(), &[word]);
         }
         self.text() == Some(word)
     }
@@ -241,9 +241,13 @@ impl<'a> TomlValue<'a> {
 
     /// Reports that something else was expected; always `None`.
     pub fn expected<T>(&self, what: &str) -> Option<T> {
-        let found = self.toml().what();
-        self.report.push(self.span().error_with(format!("expected {what}, found {found}"), "here"));
+        self.report_unexpected(what);
         None
+    }
+
+    fn report_unexpected(&self, wanted: &str) {
+        let found = self.toml().what();
+        self.report.push(self.span().error_with(format!("expected {wanted}, found {found}"), "here"));
     }
 
     /// The report that mistakes go to.
@@ -286,12 +290,12 @@ impl OwnedTomlValue {
 pub struct Table<'a> {
     value: TomlValue<'a>,
     entries: &'a [TomlMember],
-    requested: RefCell<BTreeSet<&'static str>>,
+    requested: RefCell<SortedSet<&'static str>>,
     /// Old keys that were read in place of the keys that replaced them.
-    renamed: RefCell<BTreeSet<&'static str>>,
+    renamed: RefCell<SortedSet<&'static str>>,
     missing: RefCell<Vec<&'static str>>,
     /// Keys of which it was said already that they must not be here.
-    refused: RefCell<BTreeSet<&'a str>>,
+    refused: RefCell<SortedSet<&'a str>>,
 }
 
 impl<'a> Table<'a> {

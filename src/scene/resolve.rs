@@ -1,7 +1,7 @@
 //! Resolves a scene's files: names become indices, files become bytes.
 
 use std::cell::RefCell;
-use std::collections::{BTreeSet, HashMap};
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -32,6 +32,7 @@ use crate::scene::resolve::modules::{ModuleKey, SceneModules};
 use crate::scene::resolve::variants::chosen_variant;
 use crate::scene::resolved::{ResolvedGroup, ResolvedScene, ShaderModule};
 use crate::scene::resources::ResourceEntry;
+use crate::sorted::SortedSet;
 
 mod bindings;
 mod modules;
@@ -272,7 +273,7 @@ impl<'a> Resolver<'a> {
             pipelines,
             resources,
             unbound,
-            kept_addresses: BTreeSet::new(),
+            kept_addresses: SortedSet::new(),
             dispatches,
             passes,
             push_constants,

@@ -1,6 +1,6 @@
 //! A resolved scene: plain descriptions with all files loaded.
 
-use std::collections::{BTreeSet, HashMap};
+use std::collections::HashMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -17,6 +17,7 @@ use crate::scene::files::SceneFiles;
 use crate::scene::read::Document;
 use crate::scene::resources::{Output, Resource};
 use crate::scene::specialization::{SpecializationKey, SpecializationValue};
+use crate::sorted::SortedSet;
 
 /// A scene with all files loaded.
 #[derive(Clone, Debug)]
@@ -41,7 +42,7 @@ pub struct ResolvedScene {
     /// Buffers without a binding of their own, in the order of their names.
     pub unbound: Vec<UnboundBuffer>,
     /// What keeps its address, although nothing in the scene names it any more.
-    pub kept_addresses: BTreeSet<String>,
+    pub kept_addresses: SortedSet<String>,
     /// Dispatches of compute shaders, in order; a ray-tracing launch comes before them.
     pub dispatches: Vec<ResolvedDispatch>,
     /// What `[[pass]]` lists, in order; without it the launch and the dispatches are the passes.

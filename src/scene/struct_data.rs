@@ -27,6 +27,7 @@ use crate::scene::read::{
 };
 use crate::scene::scalar::small_float_bytes;
 use crate::scene::tree::Toml;
+use crate::sorted::sort_by_key;
 
 /// Names of missing members that an error lists.
 const SHOWN: usize = 12;
@@ -157,7 +158,7 @@ impl StructPiece {
             report.push(error);
         }
         let (mut bytes, mut late) = (writer.bytes, writer.late);
-        late.sort_by_key(|(at, _)| *at);
+        sort_by_key(&mut late, |(at, _)| *at);
         match report.finish() {
             Ok(()) => {
                 bytes.resize(size?, 0);
@@ -510,7 +511,7 @@ impl Writer<'_> {
         if let Type::Matrix { .. } = layout.module.ty(layout.ty) {
             // The scalars of a piece follow each other as they do in memory.
             let mut scalars = layout.scalars();
-            scalars.sort_by_key(|(offset, _)| *offset);
+            sort_by_key(&mut scalars, |(offset, _)| *offset);
             let width = scalars.first().map_or(0, |(_, part)| part.size());
             if scalars.len() * width != bytes.len() || width == 0 || !late.is_empty() {
                 return self.wrong(value, wrong_size(scalars.len() * width));

@@ -7,6 +7,8 @@ use std::ops::Range;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
+use crate::sorted::sort_by_key;
+
 /// A value and its range in the text.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TomlNode {
@@ -88,6 +90,6 @@ fn table(entries: &DeTable<'_>) -> Toml {
         node: TomlNode::from_value(value),
     };
     let mut members: Vec<TomlMember> = entries.iter().map(member).collect();
-    members.sort_by_key(|member| member.key_range.start);
+    sort_by_key(&mut members, |member| member.key_range.start);
     Toml::Table(members)
 }

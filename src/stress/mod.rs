@@ -21,9 +21,8 @@ pub use judge::{Failure, Tally, check};
 use std::ops::Range;
 use std::time::{Duration, Instant};
 
-use rayon::prelude::*;
-
 use crate::geometry::Precision;
+use crate::pipeline::map_on_threads;
 use crate::stress::draw::Draw;
 use crate::stress::family::FAMILIES;
 
@@ -150,11 +149,12 @@ impl StressReport {
 
     /// Runs some cases of a seed.
     fn add_round(&mut self, seed: u64, numbers: Range<u64>, precision: Precision) {
-        self.cases += numbers.end - numbers.start;
-        let results: Vec<(u64, Result<Tally, Failure>)> = numbers
-            .into_par_iter()
-            .map(|number| (number, judge::check_caught(&case(seed, number), precision)))
-            .collect();
+        let count = numbers.end - numbers.start;
+        self.cases += count;
+        let results: Vec<(u64, Result<Tally, Failure>)> = map_on_threads(count as usize, |at| {
+            let number = numbers.start + at as u64;
+            (number, judge::check_caught(&case(seed, number), precision))
+        });
         for (number, result) in results {
             let Ok(tally) = result else {
                 self.wrong += 1;

@@ -10,14 +10,13 @@ use std::fmt;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use rayon::prelude::*;
-
 use crate::accel::rules::{apply_flip_facing, is_culled_by_face};
 use crate::accel::{
     Blas, Geometry, GeometryKind, HitPrimitive, InstanceFlags, Packet, Primitive, RayFlags, Tlas,
     TlasInstance, TraceRay, micromap,
 };
 use crate::geometry::{Bounds, Intersection, ObjectRay, Precision, Ray};
+use crate::pipeline::map_on_threads;
 use crate::stress::case::Shape;
 use crate::stress::draw::Draw;
 use crate::stress::judge::primitive::{bounds, intersect};
@@ -82,14 +81,12 @@ pub fn run(
     let mut report = SceneReport { tally: Tally::default(), failures: Vec::new(), time: Duration::ZERO };
     let mut next = 0;
     while !judges.is_empty() {
-        let results: Vec<(Tally, Vec<SceneFailure>)> = (next..next + ROUND)
-            .into_par_iter()
-            .map(|number| {
-                let judge = &judges[(number % judges.len() as u64) as usize];
-                let seed = settings.seed.wrapping_mul(0xD134_2543_DE82_EF95).wrapping_add(number);
-                judge.check_bundle(&mut Draw::new(seed))
-            })
-            .collect();
+        let results: Vec<(Tally, Vec<SceneFailure>)> = map_on_threads(ROUND as usize, |at| {
+            let number = next + at as u64;
+            let judge = &judges[(number % judges.len() as u64) as usize];
+            let seed = settings.seed.wrapping_mul(0xD134_2543_DE82_EF95).wrapping_add(number);
+            judge.check_bundle(&mut Draw::new(seed))
+        });
         next += ROUND;
         for (tally, failures) in results {
             report.tally = report.tally.plus(&tally);

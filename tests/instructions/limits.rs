@@ -322,7 +322,7 @@ fn an_endless_loop_of_reports_ends() {
     let ray = Ray::new([0.0, 0.0, 4.0], [0.0, 0.0, -1.0]).with_interval(0.0, 100.0);
     let trace = TraceRay { ray, flags: RayFlags::default(), cull_mask: 0xFF, time: 0.0 };
     let operands = RayOperands { trace, sbt_offset: 0, sbt_stride: 0, miss_index: 0, payload: Vec::new() };
-    let error = stopped(|| launch.trace(&tlas, operands, &mut ()));
+    let error = stopped(|| launch.trace(&tlas, operands, None));
     assert!(is_limit(&error), "{}", error.render());
 }
 

@@ -8,6 +8,7 @@ use crate::module::grammar;
 use crate::module::interface::Stage;
 use crate::ops::translate::Origin;
 use crate::pipeline::Event;
+use crate::sorted::sort_by_key;
 
 use super::course::Moment;
 use super::source_map::{LineIndex, SourceMap, SourcePosition};
@@ -190,7 +191,7 @@ impl BreakpointTable {
                 }
             }
         }
-        resolved.sort_by_key(|at| (at.file, at.line));
+        sort_by_key(&mut resolved, |at| (at.file, at.line));
         resolved.dedup();
         resolved
     }

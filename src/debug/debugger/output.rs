@@ -1,6 +1,7 @@
 //! What shaders and breakpoints print.
 
 use crate::machine::printed::PrintedLine;
+use crate::sorted::sort_by_key;
 
 use super::Debugger;
 use super::course::Time;
@@ -40,7 +41,7 @@ impl Debugger {
     /// Adds what invocations have printed, by launch index, with where they have.
     pub(super) fn add_printed(&mut self, printed: Vec<PrintedLine>, mut prints: Vec<Print>, last: Time) {
         let place = |[x, y, z]: [u32; 3]| [z, y, x];
-        prints.sort_by_key(|print| place(print.launch_id));
+        sort_by_key(&mut prints, |print| place(print.launch_id));
         let mut prints = prints.into_iter().peekable();
         for PrintedLine { launch_id, text, .. } in printed {
             // Of an invocation that prints too much, not all is kept.

@@ -7,7 +7,7 @@ use smallvec::SmallVec;
 
 use crate::module::debug_scopes::{DebugScopes, LocationForm, ScopePosition, SourceType, VariableLocation};
 use crate::module::ty::Type;
-use crate::module::{Function, Id, Instruction, Module};
+use crate::module::{Function, Id, Module};
 
 const OP_VARIABLE: u16 = 59;
 
@@ -124,7 +124,7 @@ fn named_locals(module: &Module, function: &Function) -> Vec<SourceLocal> {
         path: SmallVec::new(),
     };
     let parameters = function.parameters.iter().map(|&(id, ty)| (id, ty, function.offset, true));
-    let all = instructions(function).filter_map(|one| {
+    let all = function.instructions().filter_map(|one| {
         let id = one.result?;
         Some((id, module.type_of(id)?, one.offset, false))
     });
@@ -171,14 +171,10 @@ fn is_temporary(module: &Module, name: &str) -> bool {
     glslang || name.starts_with(COPY_PREFIX)
 }
 
-fn instructions(function: &Function) -> impl Iterator<Item = &Instruction> {
-    function.blocks.iter().flat_map(|block| &block.instructions)
-}
-
 /// By variable of a function: the word offset of the first instruction that uses it.
 fn first_uses(module: &Module, function: &Function) -> FxHashMap<Id, u32> {
     let mut uses = FxHashMap::default();
-    for instruction in instructions(function) {
+    for instruction in function.instructions() {
         for id in module.operand_ids(instruction) {
             uses.entry(id).or_insert(instruction.offset);
         }

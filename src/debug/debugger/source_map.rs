@@ -5,7 +5,7 @@ use std::sync::Arc;
 use rustc_hash::FxHashMap;
 
 use crate::machine::{BlockIndex, OpIndex, ShaderIndex};
-use crate::module::Id;
+use crate::module::{Function, Id};
 use crate::program::{Program, Terminator};
 
 use super::prologue::body_offset;
@@ -145,12 +145,8 @@ impl SourceMap {
     /// The offsets of instructions around one of them: as many before and after it.
     pub fn instructions_around(&self, shader: ShaderIndex, offset: u32, around: usize) -> Vec<u32> {
         let module = &self.shader(shader).program.module;
-        let blocks = module.function_at(offset).map_or(&[][..], |function| &function.blocks);
-        let all: Vec<u32> = blocks
-            .iter()
-            .flat_map(|block| &block.instructions)
-            .map(|instruction| instruction.offset)
-            .collect();
+        let instructions = module.function_at(offset).into_iter().flat_map(Function::instructions);
+        let all: Vec<u32> = instructions.map(|instruction| instruction.offset).collect();
         let at = all.iter().position(|&one| one == offset).unwrap_or(0);
         let range = at.saturating_sub(around)..(at + around + 1).min(all.len());
         all[range].to_vec()

@@ -19,6 +19,7 @@ use crate::module::{Function, GlobalVariable, Id, Module};
 use crate::ops::builtin;
 use crate::ops::pointer::storage;
 use crate::program::Program;
+use crate::sorted::sort_by_key;
 
 /// The `BuiltIn` decoration.
 const BUILT_IN: u32 = 11;
@@ -92,7 +93,7 @@ pub fn variables_in_frame(program: &Program, frame: &SourceFrame, state: &dyn La
         };
         found.push((local.depth, last.unwrap_or(0), variable));
     }
-    found.sort_by_key(|(depth, last, variable)| (*depth, !variable.is_declared, Reverse(*last)));
+    sort_by_key(&mut found, |(depth, last, variable)| (*depth, !variable.is_declared, Reverse(*last)));
     let mut variables: Vec<Variable> = found.into_iter().map(|(.., variable)| variable).collect();
     if frame.origin.scope == 0 {
         find_interface_parameters(program, state, &mut variables);
@@ -128,10 +129,10 @@ pub fn global_variables(program: &Program, state: &dyn LaneState) -> Vec<Variabl
     let places = id_places(program, 0, state);
     let mut used: Vec<&GlobalVariable> = used_variables(program).collect();
     // A name of two means the one that the shader is given, not the one that it passes on.
-    used.sort_by_key(|one| !GIVEN.contains(&one.storage_class));
+    sort_by_key(&mut used, |one| !GIVEN.contains(&one.storage_class));
     let mut variables: Vec<Variable> =
         used.into_iter().map(|global| global_variable(&program.module, &places, global)).collect();
-    variables.sort_by_key(|variable| variable.kind);
+    sort_by_key(&mut variables, |variable| variable.kind);
     variables
 }
 

@@ -15,6 +15,7 @@ use crate::debug::transcript::{InstanceOutcome, InstanceReport, PrimitiveOutcome
 use crate::debug::values::FloatValue;
 use crate::debug::walk::{self, AnyRay};
 use crate::error::{Error, ErrorKind, Result};
+use crate::sorted::sort_by_key;
 
 /// How many primitives are drawn; those that the ray meets come first.
 const MAX_PRIMITIVES: usize = 200;
@@ -109,7 +110,7 @@ impl Session {
                 drawing.add_primitives(main, instance, tlas, time);
             }
         }
-        drawing.primitives.sort_by_key(|primitive| primitive.fate);
+        sort_by_key(&mut drawing.primitives, |primitive| primitive.fate);
         drawing.primitives.truncate(MAX_PRIMITIVES);
         Ok(drawing)
     }

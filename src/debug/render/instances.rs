@@ -1,13 +1,12 @@
 //! Renders what a traversal reached: instances and primitives.
 
-use std::collections::BTreeMap;
-
 use crate::debug::page::{TextStyle, with_plural, with_thousands_separators};
 use crate::debug::render::{TraversalView, Writer};
 use crate::debug::transcript::{
     InstanceOutcome, InstanceReport, PrimitiveOutcome, PrimitiveReport, Traversal,
 };
 use crate::debug::values::FloatValue;
+use crate::sorted::{SortedMap, sort_by};
 
 /// The number of an instance's primitives, nearest first, that are shown unless all are wanted.
 const MAX_PRIMITIVES: usize = 6;
@@ -30,7 +29,7 @@ impl Writer<'_> {
         for instance in &shown {
             self.instance(instance, view);
         }
-        let mut rest: BTreeMap<&'static str, u64> = BTreeMap::new();
+        let mut rest: SortedMap<&'static str, u64> = SortedMap::new();
         for instance in instances {
             if !shown.iter().any(|one| one.instance == instance.instance) {
                 *rest.entry(instance_outcome_label(instance.verdict)).or_default() += 1;
@@ -86,7 +85,7 @@ impl Writer<'_> {
 
     fn tested(&mut self, instance: &InstanceReport, view: &TraversalView<'_>) {
         let tested = &instance.tested;
-        let mut counts: BTreeMap<PrimitiveOutcome, u64> = BTreeMap::new();
+        let mut counts: SortedMap<PrimitiveOutcome, u64> = SortedMap::new();
         for one in tested {
             *counts.entry(one.verdict).or_default() += 1;
         }
@@ -101,7 +100,7 @@ impl Writer<'_> {
         self.page.line(format_args!("  {nodes}{} of {all} primitives tested{sum}", tested.len()));
         let mut shown: Vec<&PrimitiveReport> =
             tested.iter().filter(|one| self.options.all || one.verdict != PrimitiveOutcome::Missed).collect();
-        shown.sort_by(|a, b| distance(a).total_cmp(&distance(b)));
+        sort_by(&mut shown, |a, b| distance(a).total_cmp(&distance(b)));
         let left = if self.options.all { 0 } else { shown.len().saturating_sub(MAX_PRIMITIVES) };
         shown.truncate(shown.len() - left);
         for one in shown {

@@ -1,10 +1,10 @@
 //! Finds the values of a text in a later form of it, in which other recorded values were renewed.
 
-use std::collections::BTreeMap;
 use std::ops::Range;
 
 use crate::scene::read::Document;
 use crate::scene::tree::{Toml, TomlMember, TomlNode};
+use crate::sorted::SortedMap;
 
 /// The key of the tables that hold what is recorded.
 const EXPECT: &str = "expect";
@@ -16,7 +16,7 @@ const WRITTEN_BY_HAND: &[&str] = &["name", "because", "known_failure", "file"];
 /// lengths of arrays, and differ in recorded values alone.
 pub(super) struct Merge {
     /// `None` where something stands there that was not there before.
-    places: BTreeMap<(usize, usize), Option<Range<usize>>>,
+    places: SortedMap<(usize, usize), Option<Range<usize>>>,
 }
 
 impl Merge {
@@ -27,7 +27,7 @@ impl Merge {
     pub(super) fn of(before: &str, now: &str) -> Result<Self, String> {
         let parsed = |text| Document::parse("", text).map_err(|_| "it is not TOML any more".to_owned());
         let (before, now) = (parsed(before)?, parsed(now)?);
-        let mut merge = Self { places: BTreeMap::new() };
+        let mut merge = Self { places: SortedMap::new() };
         merge.compare(before.node(), now.node(), false, "")?;
         Ok(merge)
     }

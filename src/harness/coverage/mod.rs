@@ -10,9 +10,9 @@ mod lcov;
 mod rays;
 mod recorder;
 
-use std::collections::{BTreeMap, BTreeSet};
-
 use serde::{Deserialize, Serialize};
+
+use crate::sorted::{SortedMap, SortedSet};
 
 pub use rays::{RayCounts, Use};
 pub use recorder::Recorder;
@@ -21,9 +21,9 @@ pub use recorder::Recorder;
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Coverage {
     /// By source file, named as it is found from the current folder.
-    pub files: BTreeMap<String, FileCoverage>,
+    pub files: SortedMap<String, FileCoverage>,
     /// Modules that know no lines: nothing is known of them.
-    pub without_lines: BTreeSet<String>,
+    pub without_lines: SortedSet<String>,
     /// Which ways rays went.
     pub rays: RayCounts,
 }
@@ -32,13 +32,13 @@ pub struct Coverage {
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct FileCoverage {
     /// How often a line ran, by its number from 1.
-    pub lines: BTreeMap<u32, u64>,
+    pub lines: SortedMap<u32, u64>,
     /// How often each way of a branch was taken; `None` where the branch was never reached.
     #[serde(with = "crate::harness::pairs")]
-    pub branches: BTreeMap<Edge, Option<u64>>,
+    pub branches: SortedMap<Edge, Option<u64>>,
     /// How often a function was entered, by its first line and its name.
     #[serde(with = "crate::harness::pairs")]
-    pub functions: BTreeMap<(u32, String), u64>,
+    pub functions: SortedMap<(u32, String), u64>,
 }
 
 /// One way of a branch.

@@ -1,7 +1,5 @@
 //! Ray-tracing coverage: which hit groups and shaders, outcomes, flags and surfaces rays came to.
 
-use std::collections::BTreeMap;
-
 use serde::{Deserialize, Serialize};
 
 use crate::accel::{GeometryKind, RecordIndex};
@@ -11,9 +9,10 @@ use crate::machine::{Exit, RayQueryStep, ShaderIndex};
 use crate::module::interface::Stage;
 use crate::pipeline::{Event, Group, Pipeline};
 use crate::scene::ResolvedScene;
+use crate::sorted::SortedMap;
 
 /// What rays used of a pipeline, and how often; 0 where they could have and never did.
-pub type Use = BTreeMap<String, u64>;
+pub type Use = SortedMap<String, u64>;
 
 /// How often rays came to what.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -39,11 +38,11 @@ pub struct RayCounts {
     pub query_commits: Use,
     /// By record, until they get their names.
     #[serde(skip)]
-    hit_records: BTreeMap<RecordIndex, u64>,
+    hit_records: SortedMap<RecordIndex, u64>,
     #[serde(skip)]
-    miss_records: BTreeMap<RecordIndex, u64>,
+    miss_records: SortedMap<RecordIndex, u64>,
     #[serde(skip)]
-    callables: BTreeMap<ShaderIndex, u64>,
+    callables: SortedMap<ShaderIndex, u64>,
 }
 
 fn count(of: &mut Use, what: &str) {

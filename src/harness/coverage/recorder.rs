@@ -1,6 +1,5 @@
 //! Derives the coverage of source lines from the blocks and branches that ran.
 
-use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -13,6 +12,7 @@ use crate::module::debug_info::SourceLine;
 use crate::pipeline::Event;
 use crate::program::{Program, Terminator};
 use crate::scene::{Assembled, ResolvedScene};
+use crate::sorted::{SortedMap, SortedSet};
 
 /// Collects what the shaders of one scene run.
 #[derive(Clone, Debug, Default)]
@@ -111,8 +111,8 @@ impl Lines {
         let names: Vec<String> = debug.files.iter().map(|file| from_here(&file.name, path)).collect();
         let instructions = self.instructions(&program.module);
         // A line runs as often as the busiest of its blocks, in each inlined copy by itself.
-        let mut lines: BTreeMap<(u32, u32, u32), u64> = BTreeMap::new();
-        let mut entered: BTreeSet<u32> = BTreeSet::new();
+        let mut lines: SortedMap<(u32, u32, u32), u64> = SortedMap::new();
+        let mut entered: SortedSet<u32> = SortedSet::new();
         for span in &program.instruction_spans {
             let count = ran.block(span.block);
             let first = instructions.partition_point(|(offset, _)| *offset < span.first);
@@ -140,10 +140,10 @@ impl Lines {
 
     fn branches(&mut self, program: &Program, ran: &ProgramCounts<'_>, names: &[String]) {
         // The last instruction of a block is its branch.
-        let last: BTreeMap<BlockIndex, u32> =
+        let last: SortedMap<BlockIndex, u32> =
             program.instruction_spans.iter().map(|span| (span.block, span.last)).collect();
         // By that instruction: inlined copies are one branch of the source.
-        let mut branches: BTreeMap<u32, (u64, Vec<u64>)> = BTreeMap::new();
+        let mut branches: SortedMap<u32, (u64, Vec<u64>)> = SortedMap::new();
         for (block, offset) in last {
             let ways = match program.blocks.get(block.index()).map(|block| &block.terminator) {
                 Some(Terminator::BranchConditional { then, other, .. }) if then != other => 2,
@@ -156,7 +156,7 @@ impl Lines {
                 *taken += ran.edge(block, way);
             }
         }
-        let mut ordinals: BTreeMap<(u32, u32), u32> = BTreeMap::new();
+        let mut ordinals: SortedMap<(u32, u32), u32> = SortedMap::new();
         for (offset, (count, taken)) in branches {
             let Some(SourceLine { file, line, .. }) = program.module.debug_info.line_at(offset) else {
                 continue;
@@ -179,8 +179,7 @@ impl Lines {
         if let Some(known) = self.modules.iter().find(|known| Arc::ptr_eq(&known.module, module)) {
             return known.instructions.clone();
         }
-        let blocks = module.functions.iter().flat_map(|function| &function.blocks);
-        let all = blocks.flat_map(|block| &block.instructions).map(|one| (one.offset, one.opcode));
+        let all = module.instructions().map(|one| (one.offset, one.opcode));
         let instructions: Arc<Vec<_>> = Arc::new(all.collect());
         self.modules.push(Listed { module: module.clone(), instructions: instructions.clone() });
         instructions

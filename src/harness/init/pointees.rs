@@ -1,6 +1,5 @@
 //! The buffers that pointers of shaders lead to, each with the addresses that it holds itself.
 
-use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use crate::harness::layout::{Layout, Rules};
@@ -9,6 +8,7 @@ use crate::module::ty::{Type, TypeId};
 use crate::ops::pointer::storage;
 use crate::ops::translate::array_length;
 use crate::program::struct_lookup::{same_layout, spelling, strides};
+use crate::sorted::SortedSet;
 
 /// How many pointers are followed one after the other; those behind are null.
 const DEPTH: usize = 8;
@@ -53,7 +53,7 @@ struct Pointee {
 pub(super) struct Pointees {
     all: Vec<Pointee>,
     /// Names that are taken.
-    names: BTreeSet<String>,
+    names: SortedSet<String>,
 }
 
 impl Pointees {

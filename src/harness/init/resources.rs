@@ -1,6 +1,5 @@
 //! The resources that shaders declare, with contents of the right kind and size.
 
-use std::collections::BTreeMap;
 use std::fmt::Write;
 
 use crate::harness::init::Shader;
@@ -12,6 +11,7 @@ use crate::module::ty::{ImageType, Type, TypeId};
 use crate::ops::image::declared::declared_format;
 use crate::ops::pointer::storage;
 use crate::scene::image::format_name;
+use crate::sorted::SortedMap;
 
 /// Elements that a texel buffer gets, and a runtime array of a case.
 pub(super) const ELEMENTS: usize = 16;
@@ -22,12 +22,12 @@ pub(super) struct Resources {
     /// Elements that a runtime array gets.
     elements: usize,
     /// By set and binding.
-    bound: BTreeMap<(u32, u32), BoundResource>,
+    bound: SortedMap<(u32, u32), BoundResource>,
     /// The buffers that pointers lead to.
     pointees: Pointees,
     push_constants: Option<Data>,
     /// The blocks of shader records, by the shaders' references.
-    records: BTreeMap<String, Data>,
+    records: SortedMap<String, Data>,
 }
 
 /// A resource of a scene: its name, its lines and the block of a buffer.
@@ -67,10 +67,10 @@ impl Resources {
     pub(super) fn of(shaders: &[Shader], elements: usize) -> Self {
         let mut all = Self {
             elements,
-            bound: BTreeMap::new(),
+            bound: SortedMap::new(),
             pointees: Pointees::default(),
             push_constants: None,
-            records: BTreeMap::new(),
+            records: SortedMap::new(),
         };
         shaders.iter().for_each(|shader| all.add(shader));
         all.follow_pointers();

@@ -1,11 +1,11 @@
 //! What shaders say of the shader binding table: offset, stride and miss index of their rays, where
 //! these are constants.
 
-use std::collections::BTreeSet;
 use std::fmt::Write;
 
 use crate::harness::init::Shader;
 use crate::ops::trace_operands::{TraceOperands, merge};
+use crate::sorted::SortedSet;
 
 /// Records of one kind that a scene is written with at most.
 const MOST: u64 = 16;
@@ -90,13 +90,13 @@ impl BindingTable {
 }
 
 /// The records with some numbers, ascending; `None` where there would be very many.
-fn records(numbers: &BTreeSet<u64>) -> Option<Vec<usize>> {
+fn records(numbers: &SortedSet<u64>) -> Option<Vec<usize>> {
     let few = numbers.last().is_some_and(|last| *last < MOST);
     few.then(|| numbers.iter().map(|number| *number as usize).collect())
 }
 
 /// `0`, `0 and 1`, `0, 1 and 2`
-fn list(values: &BTreeSet<u64>) -> String {
+fn list(values: &SortedSet<u64>) -> String {
     let words: Vec<_> = values.iter().map(u64::to_string).collect();
     match words.split_last() {
         Some((last, rest)) if !rest.is_empty() => format!("{} and {last}", rest.join(", ")),

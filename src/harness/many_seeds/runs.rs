@@ -15,7 +15,7 @@ use crate::machine::{
     ChoiceKind, ChoiceLog, ChoiceSite, Observer, OpenChoices, OrderLimits, OrderPart, Resources, ShaderIndex,
 };
 use crate::math::random::Random;
-use crate::pipeline::{Event, Launch};
+use crate::pipeline::{Event, Launch, PipelineObserver};
 use crate::program::Program;
 use crate::sanitize::Levels;
 use crate::scene::pass::{Pass, PassWork};
@@ -246,14 +246,13 @@ impl<'a> Runs<'a> {
         own.choices = drawing.map(|drawing| Arc::new(drawing.of_pass(single.number as u32)));
         let launch = Launch { pipeline: &single.pipeline, resources: &own };
         let mut events = Vec::new();
-        let mut sink: &mut dyn FnMut(Event) = &mut |event| events.push(event);
+        let mut sink = |event: Event| events.push(event);
         match own.choices.as_deref().filter(|_| is_of_values) {
             Some(choices) => {
                 let mut draws = ValueDraws::new(&self.values[single.number], choices);
-                let mut draws: &mut dyn Observer<1> = &mut draws;
-                self.run_single(&launch, single.size, which, &mut sink, &mut draws)?;
+                self.run_single(&launch, single.size, which, &mut sink, Some(&mut draws))?;
             }
-            None => self.run_single(&launch, single.size, which, &mut sink, &mut ())?,
+            None => self.run_single(&launch, single.size, which, &mut sink, None)?,
         }
         let mut observed = Observed::default();
         observed.rays.push((None, Ok(first_ray(&single.pipeline, &events))));
@@ -267,14 +266,14 @@ impl<'a> Runs<'a> {
         launch: &Launch<'_>,
         size: [u32; 3],
         which: &ResolvedRequest,
-        sink: &mut &mut dyn FnMut(Event),
-        observer: &mut impl Observer<1>,
+        sink: &mut dyn PipelineObserver,
+        observer: Option<&mut dyn Observer<1>>,
     ) -> Result<()> {
         match &which.what {
-            SingleRun::Pixel(id) => launch.run_one(*id, size, sink, observer)?,
+            SingleRun::Pixel(id) => launch.run_one(*id, size, Some(sink), observer)?,
             SingleRun::Ray(given) => {
                 let tlas = self.scene.tlas.first().map_or_else(|| Tlas::empty(), |(_, tlas)| tlas);
-                launch.trace_observed(tlas, given.operands(launch.pipeline)?, sink, observer)?.stats
+                launch.trace_observed(tlas, given.operands(launch.pipeline)?, Some(sink), observer)?.stats
             }
         };
         Ok(())

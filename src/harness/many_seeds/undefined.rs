@@ -116,9 +116,7 @@ pub(super) fn told_name(module: &Module, id: Id) -> String {
 /// By the words of instructions in a module: their results, with the type of what a variable holds,
 /// or of a component of a vector, unless all of it is undefined.
 fn results(module: &Module) -> FxHashMap<u32, (Id, TypeId)> {
-    let blocks = module.functions.iter().flat_map(|function| &function.blocks);
-    let instructions = blocks.flat_map(|block| &block.instructions);
-    let results = instructions.filter_map(|one| {
+    let results = module.instructions().filter_map(|one| {
         let id = one.result?;
         let ty = match one.opcode {
             VARIABLE => module.pointee(id)?,

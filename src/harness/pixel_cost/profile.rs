@@ -4,7 +4,7 @@
 //! instructions ran, separated by semicolons, then the number of instructions, counted by lanes.
 //! That is the format that `stackcollapse` programs write and flame graphs are drawn from.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::HashMap;
 use std::fmt::Write;
 use std::sync::Arc;
 
@@ -13,12 +13,13 @@ use crate::harness::pixel_cost::call_tree::{Call, CallIndex, CallSite, CallTree}
 use crate::machine::{BlockIndex, OpIndex, ShaderIndex};
 use crate::pipeline::Pipeline;
 use crate::program::{Program, Terminator};
+use crate::sorted::SortedMap;
 
 /// The instructions of a launch by stack.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Profile {
     /// By stack, frames joined by semicolons: the instructions that all lanes ran there.
-    pub stacks: BTreeMap<String, u64>,
+    pub stacks: SortedMap<String, u64>,
 }
 
 impl Profile {
@@ -94,7 +95,6 @@ struct ShaderFrames<'a> {
 impl<'a> ShaderFrames<'a> {
     fn new(shader: ShaderIndex, program: &'a Arc<Program>, names: &Names<'_>) -> Self {
         let label = names.shader(shader);
-        let blocks = program.module.functions.iter().flat_map(|function| &function.blocks);
         let file = match (label.file, label.name) {
             (Some(file), _) => file,
             (None, Some(name)) => name,
@@ -103,13 +103,13 @@ impl<'a> ShaderFrames<'a> {
         Self {
             program,
             entry: frame(&format!("{} {file}", program.stage.name())),
-            instructions: blocks.flat_map(|block| &block.instructions).map(|one| one.offset).collect(),
+            instructions: program.module.instructions().map(|one| one.offset).collect(),
         }
     }
 
     /// The stacks within the shader whose instructions a block runs, and how many of each.
-    fn lines(&self, block: BlockIndex) -> BTreeMap<String, u64> {
-        let mut lines = BTreeMap::new();
+    fn lines(&self, block: BlockIndex) -> SortedMap<String, u64> {
+        let mut lines = SortedMap::new();
         for span in self.program.instruction_spans.iter().filter(|span| span.block == block) {
             let first = self.instructions.partition_point(|&offset| offset < span.first);
             for &offset in self.instructions[first..].iter().take_while(|&&offset| offset <= span.last) {

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::check_math::CheckMathReport;
 use crate::harness::shares::results::{ShareResult, ShareResults};
+use crate::sorted::sort_by_key;
 
 /// What the shares of a run have in common.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -36,7 +37,7 @@ impl CheckMathResult {
     pub fn of_shares(results: &ShareResults<Self>) -> Self {
         let mut functions: Vec<_> =
             results.shares().flat_map(|share| share.functions.iter().cloned()).collect();
-        functions.sort_by_key(|(place, _)| *place);
+        sort_by_key(&mut functions, |(place, _)| *place);
         Self { functions }
     }
 

@@ -1,6 +1,5 @@
 //! Sets of results of shares, as files hold them.
 
-use std::collections::BTreeMap;
 use std::fmt::Debug;
 use std::path::Path;
 
@@ -11,6 +10,7 @@ use serde_json::Value;
 use crate::compile::bytes_hash;
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::harness::shares::shard::Shard;
+use crate::sorted::SortedMap;
 
 /// The version of the files.
 const VERSION: u32 = 1;
@@ -40,10 +40,10 @@ pub struct ShareResults<R: ShareResult> {
     command: String,
     of: usize,
     whole: R::Whole,
-    shares: BTreeMap<usize, R>,
+    shares: SortedMap<usize, R>,
     /// The file that each share was read from.
     #[serde(skip)]
-    files: BTreeMap<usize, String>,
+    files: SortedMap<usize, String>,
 }
 
 /// A hash of texts, by which two runs are told apart.
@@ -100,7 +100,7 @@ impl<R: ShareResult> ShareResults<R> {
             of: shard.of,
             whole,
             shares: [(shard.number, result)].into(),
-            files: BTreeMap::new(),
+            files: SortedMap::new(),
         }
     }
 

@@ -8,6 +8,7 @@ use serde_json::{Value, json};
 use crate::error::{Error, ErrorClass, ErrorKind};
 use crate::harness::shares::results::{ShareResult, ShareResults};
 use crate::harness::smoke::{SmokeReport, SmokeVerdict};
+use crate::sorted::sort_by_key;
 
 /// What the shares of a run have in common.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -134,7 +135,7 @@ impl SmokeResult {
     /// The shares of a run as one result.
     pub fn of_shares(results: &ShareResults<Self>) -> Self {
         let mut modules: Vec<_> = results.shares().flat_map(|share| share.modules.iter().cloned()).collect();
-        modules.sort_by_key(|module| module.place);
+        sort_by_key(&mut modules, |module| module.place);
         Self { modules }
     }
 

@@ -5,6 +5,7 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 
 use crate::harness::shares::results::{ShareResult, ShareResults};
+use crate::sorted::sort_by_key;
 use crate::stress::family::FAMILIES;
 use crate::stress::{MAX_FAILURES, StressReport, Tally};
 
@@ -83,7 +84,7 @@ impl StressResult {
             sum.failures.extend(share.failures.iter().cloned());
             sum.microseconds = sum.microseconds.saturating_add(share.microseconds);
         }
-        sum.failures.sort_by_key(|found| (found.seed, found.number));
+        sort_by_key(&mut sum.failures, |found| (found.seed, found.number));
         sum.failures.truncate(MAX_FAILURES);
         sum
     }

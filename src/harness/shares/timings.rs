@@ -1,11 +1,11 @@
 //! How long tests took, and shares of a suite that take equally long.
 
 use std::cmp::Reverse;
-use std::collections::BTreeMap;
 use std::path::Path;
 
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::harness::shares::shard::Shard;
+use crate::sorted::{SortedMap, sort_by_key};
 
 /// How long tests took, by their names.
 ///
@@ -13,7 +13,7 @@ use crate::harness::shares::shard::Shard;
 /// so that it changes little when it is written again, and a suite can commit it.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Timings {
-    milliseconds: BTreeMap<String, u64>,
+    milliseconds: SortedMap<String, u64>,
 }
 
 impl Timings {
@@ -32,7 +32,7 @@ impl Timings {
         let refuse = |message: String| {
             Error::new(ErrorKind::InvalidArgument, message).at(Place::File(file.to_path_buf()))
         };
-        let seconds: BTreeMap<String, f64> = serde_json::from_slice(bytes)
+        let seconds: SortedMap<String, f64> = serde_json::from_slice(bytes)
             .map_err(|error| refuse(format!("it is no object of seconds by test names: {error}")))?;
         if let Some((name, wrong)) = seconds.iter().find(|(_, seconds)| !(0.0..=1e9).contains(*seconds)) {
             return Err(refuse(format!("`{name}` cannot take {wrong} seconds")));
@@ -61,7 +61,7 @@ impl Timings {
         let median = sorted.get(sorted.len() / 2).copied().unwrap_or(1);
         let weight = |place: usize| known[place].unwrap_or(median);
         let mut places: Vec<usize> = (0..names.len()).collect();
-        places.sort_by_key(|&place| (Reverse(weight(place)), place));
+        sort_by_key(&mut places, |&place| (Reverse(weight(place)), place));
         let mut loads = vec![0_u64; shard.of];
         let mut holds = vec![false; names.len()];
         for place in places {

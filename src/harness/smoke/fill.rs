@@ -1,6 +1,6 @@
 //! Made-up values for memory.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::HashMap;
 use std::sync::Arc;
 
 use crate::accel::Tlas;
@@ -12,6 +12,7 @@ use crate::math::random::Random;
 use crate::module::Module;
 use crate::module::ty::{Type, TypeId};
 use crate::ops::translate::array_length;
+use crate::sorted::SortedMap;
 
 /// Elements that a runtime array, or memory behind an address, is given at least.
 const ELEMENTS: usize = 1024;
@@ -190,7 +191,7 @@ pub(super) struct Filler<'a> {
     numbers: ValueSource,
     wide: WideIntegers,
     extent: FillExtent,
-    known: &'a BTreeMap<PlaceId, FillContent>,
+    known: &'a SortedMap<PlaceId, FillContent>,
     regions: Vec<Region>,
     by_place: HashMap<PlaceId, usize>,
     steps: Vec<TypeId>,
@@ -208,7 +209,7 @@ impl<'a> Filler<'a> {
         numbers: ValueSource,
         wide: WideIntegers,
         extent: FillExtent,
-        known: &'a BTreeMap<PlaceId, FillContent>,
+        known: &'a SortedMap<PlaceId, FillContent>,
     ) -> Self {
         let (regions, by_place, steps) = (Vec::new(), HashMap::new(), Vec::new());
         let (root, parts, made) = (0, MOST_PARTS, MadeUpBytes::default());

@@ -1,10 +1,9 @@
 //! Judges several runs of one shader: decides which traps may be due to made-up values.
 
-use std::collections::BTreeSet;
-
 use crate::harness::smoke::sets::Set;
 use crate::machine::TrapCode;
 use crate::pipeline::Trapped;
+use crate::sorted::SortedSet;
 
 /// One run of a shader on a set of values.
 pub(super) struct Try {
@@ -13,7 +12,7 @@ pub(super) struct Try {
     /// Where it trapped.
     pub trapped: Option<Box<Trapped>>,
     /// The instructions that some lane went on from, by their word offset.
-    pub passed: BTreeSet<u32>,
+    pub passed: SortedSet<u32>,
     /// What it needed, and how it trapped without.
     pub mended: Option<(String, Box<Trapped>)>,
 }

@@ -1,8 +1,6 @@
 //! What is learned of a shader's memory from where it traps: which addresses lead to what, which
 //! resources are too small, which geometry it needs.
 
-use std::collections::{BTreeMap, BTreeSet};
-
 use crate::harness::smoke::fill::{FillContent, PlaceId, WideIntegers, region_of};
 use crate::harness::smoke::hits::SmokeGeometry;
 use crate::harness::smoke::resources::Given;
@@ -12,6 +10,7 @@ use crate::module::ty::{Type, TypeId};
 use crate::module::{Definition, Id, Module};
 use crate::ops::pointer::storage;
 use crate::pipeline::Trapped;
+use crate::sorted::{SortedMap, SortedSet};
 
 /// Addresses that one shader may be taught.
 const MOST_ADDRESSES: usize = 256;
@@ -26,7 +25,7 @@ const MOST_OFFSET: u64 = 1 << 24;
 #[derive(Default)]
 pub(super) struct Learned {
     /// What lies behind the addresses of what is made up.
-    pub known: BTreeMap<PlaceId, FillContent>,
+    pub known: SortedMap<PlaceId, FillContent>,
     /// By how many factors of 8 resources are larger than at first.
     pub scale_steps: u32,
     /// What was changed for which trap, in the run that goes on.
@@ -36,7 +35,7 @@ pub(super) struct Learned {
     /// Whether it ran out of fuel: it has less of it from then on.
     pub is_spent: bool,
     /// Instructions, by their word offset, for which no resource is large enough.
-    hopeless: BTreeSet<u32>,
+    hopeless: SortedSet<u32>,
     /// The instruction for which resources became larger last.
     larger_for: Option<u32>,
 }
@@ -138,9 +137,7 @@ impl UsedMemory<'_> {
     /// Whether the module makes acceleration structures of addresses.
     fn addresses_structures(&self) -> bool {
         const CONVERT: u16 = 4447;
-        let functions = self.module.functions.iter();
-        let blocks = functions.flat_map(|function| &function.blocks);
-        blocks.flat_map(|block| &block.instructions).any(|instruction| instruction.opcode == CONVERT)
+        self.module.instructions().any(|instruction| instruction.opcode == CONVERT)
     }
 
     /// What the instruction that trapped expects behind its address.
@@ -149,9 +146,7 @@ impl UsedMemory<'_> {
             return Some(FillContent::Structure);
         }
         let module = self.module;
-        let functions = module.functions.iter().flat_map(|function| &function.blocks);
-        let mut instructions = functions.flat_map(|block| &block.instructions);
-        let instruction = instructions.find(|instruction| instruction.offset == trapped.offset)?;
+        let instruction = module.instructions().find(|instruction| instruction.offset == trapped.offset)?;
         let pointers = module.operand_ids(instruction).into_iter();
         let mut found = pointers.filter_map(|id| physical_pointer(module, base(module, id)));
         found.next().map(FillContent::Pointer)

@@ -36,7 +36,6 @@ mod subject;
 mod watch;
 
 use std::cell::OnceCell;
-use std::collections::BTreeSet;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -53,6 +52,7 @@ use crate::module::interface::{EntryPoint, Stage};
 use crate::program::{self, Program, obstacles};
 use crate::sanitize::module_checks::check_module;
 use crate::sanitize::{Findings, Levels};
+use crate::sorted::SortedSet;
 
 pub use report::{BlockCoverage, EntryReport, RunReport, SmokeReport, SmokeTrap, SmokeVerdict};
 
@@ -192,7 +192,7 @@ fn entry_point(
     let subject = EntryUnderTest { module, entry, program, specialized: OnceCell::new(), variables, options };
     let mut progress = Progress {
         blocks: Blocks::of(module, entry),
-        executed: BTreeSet::new(),
+        executed: SortedSet::new(),
         happened: Happened::default(),
         sets: 0,
         fuel: options.total_fuel,
@@ -288,7 +288,7 @@ fn excuse_kinds(runs: &mut [RunReport], explored: &[(Way, Vec<Try>)]) {
 fn reached(program: &Program, progress: &Progress) -> BlockCoverage {
     let module = &*program.module;
     let [traces, queries] = tracing(program);
-    let executed = |all: &BTreeSet<u32>| all.intersection(&progress.executed).count();
+    let executed = |all: &SortedSet<u32>| all.intersection(&progress.executed).count();
     let Happened { traces: traced, ray_queries, any_hits, reports } = progress.happened;
     let mut missing: Vec<String> = Vec::new();
     for offset in progress.blocks.missing() {

@@ -126,11 +126,14 @@ impl Once<'_> {
             depth: 1,
             ..Invocation::default()
         };
+        let is_active = <O as Observer<LANES>>::is_active();
+        let observer = is_active.then_some(observer as &mut dyn Observer<LANES>);
+        let stand_in = Some(stand_in as &mut dyn PipelineObserver);
         let ended = match way {
-            Way::Launch => launch.run_single_threaded::<LANES, _, _>(launch_size, stand_in, observer)?,
+            Way::Launch => launch.run_single_threaded::<LANES>(launch_size, stand_in, observer)?,
             Way::Box => {
                 let operands = RayOperands::from(hits::ray(set.behind));
-                launch.trace_single::<LANES, _, _>(&hits::one_box()?, operands, stand_in, observer)?
+                launch.trace_single::<LANES>(&hits::one_box()?, operands, stand_in, observer)?
             }
             Way::Hit(kind) => {
                 let (hit, trace, t) = kind.hit(set.behind)?;
@@ -139,23 +142,16 @@ impl Once<'_> {
                     (_, SmokeGeometry::Aabb) | (None, _) => given.attributes.clone(),
                     (Some(hit), _) => hit.candidate.intersection.attributes.map(f32::to_bits).to_vec(),
                 };
-                launch.invoke::<LANES, _, _>(
-                    shader,
-                    invocation,
-                    &given.payload,
-                    &attributes,
-                    stand_in,
-                    observer,
-                )?
+                launch.invoke::<LANES>(shader, invocation, &given.payload, &attributes, stand_in, observer)?
             }
             Way::Miss => {
                 let ray = Ray::new([0.25, 0.5, 3.0], [0.6, 0.0, 0.8]).with_interval(0.0, 1000.0);
                 let trace = TraceRay { ray, flags: RayFlags(0), cull_mask: 0xFF, time: 0.0 };
                 (invocation.trace, invocation.t_max) = (Some(trace), ray.t_max);
-                launch.invoke::<LANES, _, _>(shader, invocation, &given.payload, &[], stand_in, observer)?
+                launch.invoke::<LANES>(shader, invocation, &given.payload, &[], stand_in, observer)?
             }
             Way::Call | Way::Dispatch => {
-                launch.invoke::<LANES, _, _>(shader, invocation, &given.payload, &[], stand_in, observer)?
+                launch.invoke::<LANES>(shader, invocation, &given.payload, &[], stand_in, observer)?
             }
         };
         Ok(ended.err())

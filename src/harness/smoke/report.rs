@@ -1,12 +1,12 @@
 //! Reports a smoke test as text and as JSON.
 
-use std::collections::BTreeSet;
 use std::fmt::Write;
 
 use serde::Serialize;
 
 use crate::error::{Error, ErrorReport, Place};
 use crate::sanitize::Findings;
+use crate::sorted::SortedSet;
 
 /// Places of blocks that the text shows.
 const SHOWN: usize = 8;
@@ -216,7 +216,7 @@ impl SmokeReport {
     /// The report for people.
     pub fn text(&self) -> String {
         let mut out = String::new();
-        let mut told = BTreeSet::new();
+        let mut told = SortedSet::new();
         for entry in &self.entry_points {
             entry.write(&mut out, &mut told);
         }
@@ -229,7 +229,7 @@ impl SmokeReport {
 
 impl EntryReport {
     /// Writing to a string does not fail. A trap that was reported before is only named.
-    fn write(&self, out: &mut String, told: &mut BTreeSet<(u32, String)>) {
+    fn write(&self, out: &mut String, told: &mut SortedSet<(u32, String)>) {
         let reached = self.coverage.as_ref().filter(|reached| !reached.is_whole());
         let part = reached.filter(|_| self.result == SmokeVerdict::Ok).map_or_else(String::new, |reached| {
             format!(", reached {} of {} blocks", reached.blocks_entered, reached.blocks)

@@ -1,6 +1,5 @@
 //! Makes up the resources of an entry point from what it declares.
 
-use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::sync::atomic::Ordering::Relaxed;
 
@@ -21,6 +20,7 @@ use crate::ops::pointer::storage;
 use crate::ops::translate::InterfaceRegisters;
 use crate::ops::translate::array_length;
 use crate::program::Program;
+use crate::sorted::{SortedMap, sort_by_key};
 
 /// Descriptors of a runtime array.
 const DESCRIPTORS: u32 = 16;
@@ -67,7 +67,7 @@ pub(super) fn given(
     program: &Program,
     variables: &[InterfaceVariable],
     values: MadeUpValues,
-    known: &BTreeMap<PlaceId, FillContent>,
+    known: &SortedMap<PlaceId, FillContent>,
     tlas: &dyn Fn() -> Result<Arc<Tlas>>,
 ) -> Result<Given> {
     let module = &*program.module;
@@ -76,10 +76,10 @@ pub(super) fn given(
     let mut resources = Resources::default();
     let mut record = Vec::new();
     let mut structure = None;
-    let mut bindings: BTreeMap<Binding, Vec<DescriptorArray>> = BTreeMap::new();
+    let mut bindings: SortedMap<Binding, Vec<DescriptorArray>> = SortedMap::new();
     // The order in which a module declares them changes nothing.
     let mut variables: Vec<_> = variables.iter().collect();
-    variables.sort_by_key(|variable| root(variable));
+    sort_by_key(&mut variables, |variable| root(variable));
     for variable in variables {
         let (Some(ty), root) = (variable.ty, root(variable)) else { continue };
         match variable.storage_class {
@@ -171,7 +171,7 @@ struct DescriptorArray {
 /// then repeated: there may be a million of them, each a buffer of a megabyte.
 fn merged(mut arrays: Vec<DescriptorArray>) -> Vec<Descriptor> {
     // Up to the end of each array all that are longer are merged already.
-    arrays.sort_by_key(|array| std::cmp::Reverse(array.count));
+    sort_by_key(&mut arrays, |array| std::cmp::Reverse(array.count));
     let longest = arrays.first().map_or(0, |array| array.count);
     let mut all = vec![Descriptor::Unbound; longest];
     for residue in 0..DISTINCT as usize {

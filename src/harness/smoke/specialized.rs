@@ -1,6 +1,5 @@
 //! Programs with other values of specialization constants than their defaults.
 
-use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use crate::module::Module;
@@ -8,6 +7,7 @@ use crate::module::constant::ConstantValue;
 use crate::module::interface::EntryPoint;
 use crate::module::ty::Type;
 use crate::program::{self, Program};
+use crate::sorted::{SortedSet, sort_by_key};
 
 /// How many there are at most.
 const MOST: usize = 16;
@@ -21,9 +21,9 @@ pub(super) fn programs(
     default: &Arc<Program>,
 ) -> Vec<(String, Arc<Program>)> {
     let mut found = Vec::new();
-    let mut seen = BTreeSet::new();
+    let mut seen = SortedSet::new();
     let mut constants: Vec<_> = module.constants.iter().filter(|constant| constant.specializable).collect();
-    constants.sort_by_key(|constant| constant.spec_id);
+    sort_by_key(&mut constants, |constant| constant.spec_id);
     for constant in constants {
         let (Some(id), ConstantValue::Scalar(default_bits)) = (constant.spec_id, &constant.value) else {
             continue;

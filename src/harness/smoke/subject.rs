@@ -1,7 +1,6 @@
 //! Runs one entry point on one set of made-up values after the other.
 
 use std::cell::OnceCell;
-use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -26,6 +25,7 @@ use crate::pipeline::{Compute, Trapped};
 use crate::program::Program;
 use crate::sanitize::rule::image::SAMPLER_MATCH;
 use crate::sanitize::{Findings, Level, Levels, ProgramPlan, Sanitizer};
+use crate::sorted::SortedSet;
 
 /// Sets of values that one shader is tried on at most, for one kind of geometry.
 const MOST_SETS: usize = 48;
@@ -52,7 +52,7 @@ pub(super) struct Progress {
     /// The blocks that were entered.
     pub blocks: Blocks,
     /// The instructions that were executed, by their word offset.
-    pub executed: BTreeSet<u32>,
+    pub executed: SortedSet<u32>,
     /// What happened, how often.
     pub happened: Happened,
     /// Sets of values that were tried.

@@ -1,6 +1,6 @@
 //! Records the blocks that a run enters, and answers calls in place of missing shaders.
 
-use std::collections::{BTreeSet, HashMap};
+use std::collections::HashMap;
 
 use crate::harness::block_counts::BlockCounts;
 use crate::harness::blocks::Blocks;
@@ -12,6 +12,7 @@ use crate::ops::op::Op;
 use crate::ops::{ray_query, ray_tracing};
 use crate::pipeline::{Caller, Event, PipelineObserver};
 use crate::program::Program;
+use crate::sorted::SortedSet;
 
 /// Sees which blocks and operations of one program run.
 pub(super) struct BlockRecorder<'a> {
@@ -31,17 +32,17 @@ impl<'a> BlockRecorder<'a> {
     }
 
     /// The instructions that some lane executed and went on from, by their word offset.
-    pub(super) fn passed(&self) -> BTreeSet<u32> {
+    pub(super) fn passed(&self) -> SortedSet<u32> {
         self.offsets(&self.passed)
     }
 
     /// Adds what was run to what has run before.
-    pub(super) fn add_to(&self, blocks: &mut Blocks, executed: &mut BTreeSet<u32>) {
+    pub(super) fn add_to(&self, blocks: &mut Blocks, executed: &mut SortedSet<u32>) {
         blocks.enter(self.program, &self.counts, ShaderIndex(0));
         executed.extend(self.offsets(&self.executed));
     }
 
-    fn offsets(&self, ops: &[bool]) -> BTreeSet<u32> {
+    fn offsets(&self, ops: &[bool]) -> SortedSet<u32> {
         let marked = ops.iter().zip(&self.program.origins).filter(|(marked, _)| **marked);
         marked.map(|(_, origin)| origin.offset).collect()
     }
@@ -79,8 +80,8 @@ impl<const W: usize> Observer<W> for BlockRecorder<'_> {
 
 /// The instructions of a program that trace, and those that begin ray queries, by their word
 /// offsets.
-pub(super) fn tracing(program: &Program) -> [BTreeSet<u32>; 2] {
-    let mut found = [BTreeSet::new(), BTreeSet::new()];
+pub(super) fn tracing(program: &Program) -> [SortedSet<u32>; 2] {
+    let mut found = [SortedSet::new(), SortedSet::new()];
     for (op, origin) in program.ops.iter().zip(&program.origins) {
         let kind = match op {
             Op::Stop(
@@ -130,10 +131,6 @@ impl<'a> StandIn<'a> {
 }
 
 impl PipelineObserver for StandIn<'_> {
-    fn observes_queries() -> bool {
-        true
-    }
-
     fn invocation(&mut self, launch_id: [u32; 3]) {
         self.launch_id = launch_id;
     }

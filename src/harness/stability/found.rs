@@ -1,10 +1,9 @@
 //! The findings of the shadow interpreter, by source line.
 
-use std::collections::BTreeMap;
-
 use serde::{Deserialize, Serialize};
 
 use crate::harness::stability::place::SourceLocation;
+use crate::sorted::{SortedMap, sort_by};
 
 /// Lines whose worst relative error is greater are reported even without other findings.
 pub const REPORTED_ERROR: f64 = 1e-4;
@@ -16,7 +15,7 @@ pub struct ShadowFindings {
     pub results: u64,
     /// The findings by source line.
     #[serde(with = "crate::harness::pairs")]
-    pub lines: BTreeMap<SourceLocation, LineFindings>,
+    pub lines: SortedMap<SourceLocation, LineFindings>,
 }
 
 /// The findings on one source line.
@@ -84,7 +83,7 @@ impl ShadowFindings {
     /// The lines, worst first: by decisions that flip, then by lost bits, then by error.
     pub fn sorted(&self) -> Vec<(&SourceLocation, &LineFindings)> {
         let mut lines: Vec<_> = self.lines.iter().collect();
-        lines.sort_by(|(_, one), (_, other)| {
+        sort_by(&mut lines, |(_, one), (_, other)| {
             let key = |found: &LineFindings| (found.flips() > 0, found.cancellations + found.not_finite > 0);
             key(other)
                 .cmp(&key(one))

@@ -1,10 +1,9 @@
 //! What depends on rounding: outputs and decisions that differ between perturbed runs.
 
-use std::collections::BTreeMap;
-
 use crate::error::Error;
 use crate::harness::stability::envelope::Envelope;
 use crate::harness::stability::place::SourceLocation;
+use crate::sorted::SortedMap;
 
 /// How runs are perturbed.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -47,7 +46,7 @@ pub struct Instability {
     pub outputs: Vec<UnstableOutput>,
     /// The first decisions at which invocations diverge from the run without perturbation, and the
     /// number of invocations.
-    pub branches: BTreeMap<(SourceLocation, DecisionKind), u64>,
+    pub branches: SortedMap<(SourceLocation, DecisionKind), u64>,
     /// Runs that trapped, numbered from 1.
     pub traps: Vec<(u32, Error)>,
 }

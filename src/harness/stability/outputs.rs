@@ -1,6 +1,6 @@
 //! Compares the outputs of two runs value by value.
 
-use std::collections::{BTreeMap, HashSet};
+use std::collections::HashSet;
 
 use crate::harness::expect::{Bytes, Observed};
 use crate::harness::stability::instability::UnstableOutput;
@@ -9,6 +9,7 @@ use crate::harness::value::leaves::Leaf;
 use crate::machine::Binding;
 use crate::machine::format::Class;
 use crate::scene::Assembled;
+use crate::sorted::SortedMap;
 
 /// Compares the outputs of runs with those of a reference run.
 #[derive(Debug)]
@@ -17,13 +18,13 @@ pub(in crate::harness) struct OutputComparison<'a> {
     reference: &'a Observed,
     tolerance: f64,
     /// By output: the values that differ, and the one that differs most.
-    found: BTreeMap<String, (HashSet<String>, UnstableOutput)>,
+    found: SortedMap<String, (HashSet<String>, UnstableOutput)>,
 }
 
 impl<'a> OutputComparison<'a> {
     /// Differences up to `tolerance` are none: of a value, or absolutely below 1.
     pub(in crate::harness) fn new(assembled: &'a Assembled, reference: &'a Observed, tolerance: f64) -> Self {
-        Self { assembled, reference, tolerance, found: BTreeMap::new() }
+        Self { assembled, reference, tolerance, found: SortedMap::new() }
     }
 
     /// The number of outputs: resources that the reference run changed, and results of rays.

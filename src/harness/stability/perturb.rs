@@ -1,6 +1,6 @@
 //! Perturbed runs: every float result is moved at random within the errors that a device may make.
 
-use std::collections::{BTreeMap, HashMap, HashSet};
+use std::collections::{HashMap, HashSet};
 
 use crate::accel::Committed;
 use crate::debug::session::ResolvedRequest;
@@ -25,6 +25,7 @@ use crate::ops::{memory, ray_query};
 use crate::pipeline::Event;
 use crate::program::{Program, Terminator};
 use crate::scene::{Assembled, ResolvedScene};
+use crate::sorted::SortedMap;
 
 /// Runs a scene's passes several times, each time on a copy of its resources.
 ///
@@ -170,9 +171,7 @@ impl ShaderFacts {
 
 /// The words of the instructions of a module that are decorated `NoContraction`.
 pub(in crate::harness) fn no_contraction(module: &Module) -> HashSet<u32> {
-    let blocks = module.functions.iter().flat_map(|function| &function.blocks);
-    let instructions = blocks.flat_map(|block| &block.instructions);
-    let decorated = instructions.filter(|one| {
+    let decorated = module.instructions().filter(|one| {
         one.result.is_some_and(|id| module.decorations.find(id, number::NO_CONTRACTION).is_some())
     });
     decorated.map(|one| one.offset).collect()
@@ -199,7 +198,7 @@ struct DecisionSite {
 #[derive(Default)]
 struct RunDecisions {
     decisions: DecisionLog,
-    divergences: BTreeMap<DecisionSite, u64>,
+    divergences: SortedMap<DecisionSite, u64>,
 }
 
 impl RunDecisions {
@@ -237,7 +236,7 @@ struct Perturber<'a> {
     /// made; `None` after it diverged.
     reference: Option<&'a DecisionLog>,
     progress: HashMap<InvocationKey, Option<usize>>,
-    divergences: BTreeMap<DecisionSite, u64>,
+    divergences: SortedMap<DecisionSite, u64>,
 }
 
 impl<'a> Perturber<'a> {
@@ -255,7 +254,7 @@ impl<'a> Perturber<'a> {
             decisions: HashMap::new(),
             reference,
             progress: HashMap::new(),
-            divergences: BTreeMap::new(),
+            divergences: SortedMap::new(),
         }
     }
 

@@ -6,7 +6,7 @@ use crate::debug::session::{ResolvedRequest, SingleRun};
 use crate::error::{Error, ErrorKind, Result};
 use crate::harness::tasks::in_tasks;
 use crate::machine::{Batch, Bindings, BlockIndex, Observer, OpIndex, Resources, ShaderIndex};
-use crate::pipeline::{Event, Launch, Pipeline, PipelineObserver};
+use crate::pipeline::{Event, Launch, Pipeline};
 use crate::scene::pass::{LaunchPass, PassWork};
 use crate::scene::{Assembled, ResolvedScene};
 
@@ -133,11 +133,9 @@ fn watch_launch<P: Probe>(
         for id in ids {
             probe.borrow_mut().begin(RunPart::Invocation { launch: number, pipeline: launch.pipeline, id });
             let mut sink = |event: Event| probe.borrow_mut().event(&event);
-            let mut sink: &mut dyn PipelineObserver = &mut sink;
             let first = probe.borrow().first_program();
             let mut observer = ProbeObserver { probe: &probe, first };
-            let mut observer: &mut dyn Observer<1> = &mut observer;
-            outcome = run.run_one(id, launch.size, &mut sink, &mut observer).map(|_| ());
+            outcome = run.run_one(id, launch.size, Some(&mut sink), Some(&mut observer)).map(|_| ());
             if outcome.is_err() {
                 break;
             }
@@ -172,7 +170,6 @@ pub(super) fn run_one<P: Probe>(
             probe.borrow_mut().event(&one);
             event(one);
         };
-        let mut sink: &mut dyn PipelineObserver = &mut sink;
         let pipeline = single.index;
         probe.borrow_mut().begin(match &which.what {
             SingleRun::Pixel(id) => RunPart::Invocation { launch: 0, pipeline, id: *id },
@@ -180,16 +177,16 @@ pub(super) fn run_one<P: Probe>(
         });
         let first = probe.borrow().first_program();
         let mut observer = ProbeObserver { probe: &probe, first };
-        let mut observer: &mut dyn Observer<1> = &mut observer;
+        let (sink, observer) = (Some(&mut sink as _), Some(&mut observer as _));
         match &which.what {
-            SingleRun::Pixel(id) => launch.run_one(*id, single.size, &mut sink, &mut observer).map(|_| ()),
+            SingleRun::Pixel(id) => launch.run_one(*id, single.size, sink, observer).map(|_| ()),
             SingleRun::Ray(given) => {
                 let Some((_, tlas)) = scene.tlas.first() else {
                     let message = "a ray needs a scene with instances";
                     return Err(Error::new(ErrorKind::InvalidScene, message));
                 };
                 let operands = given.operands(launch.pipeline)?;
-                launch.trace_observed(tlas, operands, &mut sink, &mut observer).map(|_| ())
+                launch.trace_observed(tlas, operands, sink, observer).map(|_| ())
             }
         }
     };

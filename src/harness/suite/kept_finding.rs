@@ -1,10 +1,9 @@
 //! Findings as results keep them: what reports print of them, however often they were met.
 
-use std::collections::BTreeMap;
-
 use serde::{Deserialize, Serialize};
 
 use crate::sanitize::{Finding, FindingRecord, Findings, Level};
+use crate::sorted::SortedMap;
 
 /// A finding of the sanitizer.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -37,7 +36,7 @@ impl KeptFinding {
     /// report.
     pub fn add<'a>(sum: &mut Vec<Self>, more: impl IntoIterator<Item = &'a Self>) {
         let key = |one: &Self| (one.record.rule.clone(), one.key);
-        let mut known: BTreeMap<_, usize> = sum.iter().enumerate().map(|(at, one)| (key(one), at)).collect();
+        let mut known: SortedMap<_, usize> = sum.iter().enumerate().map(|(at, one)| (key(one), at)).collect();
         for one in more {
             match known.get(&key(one)) {
                 Some(&at) => {

@@ -16,7 +16,6 @@ pub use kept_finding::KeptFinding;
 pub use options::SuiteOptions;
 pub use result::{CaseResult, Ended, SuiteResult, SuiteWhole, TestResult};
 
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -26,6 +25,7 @@ use crate::harness::case::{Case, FoundFiles, scenes};
 use crate::harness::expect::Fix;
 use crate::harness::shares::{Shard, Timings};
 use crate::scene::SceneFiles;
+use crate::sorted::SortedMap;
 
 /// The tests of some paths, in order: by path, a launch before the rays of its file.
 #[derive(Clone, Debug, Default)]
@@ -33,7 +33,7 @@ pub struct Suite {
     cases: Vec<Source>,
     tests: Vec<Test>,
     /// The first test of each case in the whole suite, which tells what is wrong with the case.
-    first_tests: BTreeMap<usize, Test>,
+    first_tests: SortedMap<usize, Test>,
 }
 
 /// A file's case, or why the file is none.

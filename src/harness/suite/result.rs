@@ -1,6 +1,5 @@
 //! What a suite found, as a file can hold it: all reports are made of it.
 
-use std::collections::BTreeSet;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
@@ -11,6 +10,7 @@ use crate::harness::coverage::Coverage;
 use crate::harness::shares::{ShareResult, ShareResults, Timings};
 use crate::harness::stability::ShadowFindings;
 use crate::harness::suite::kept_finding::KeptFinding;
+use crate::sorted::{SortedSet, sort_by_key};
 
 /// What the shares of a suite have in common.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -163,8 +163,8 @@ impl SuiteResult {
                 sum.coverage.get_or_insert_default().add(coverage.clone());
             }
         }
-        sum.tests.sort_by_key(|test| test.place);
-        sum.cases.sort_by_key(|case| case.place);
+        sort_by_key(&mut sum.tests, |test| test.place);
+        sort_by_key(&mut sum.cases, |case| case.place);
         sum
     }
 
@@ -173,7 +173,7 @@ impl SuiteResult {
     /// # Errors
     /// `InvalidArgument` where one stands in two shares, or in none though no share is missing.
     pub fn check_shares(results: &ShareResults<Self>) -> Result<()> {
-        let mut places = BTreeSet::new();
+        let mut places = SortedSet::new();
         let refuse = |message: String| Err(Error::new(ErrorKind::InvalidArgument, message));
         for test in results.shares().flat_map(|share| &share.tests) {
             if !places.insert(test.place) {

@@ -4,7 +4,7 @@ use crate::interp::superop::words::WordFunction;
 use crate::machine::Lanes;
 use crate::math::lane_ops::LaneOps;
 use crate::ops::superop::function::has_operand;
-use crate::ops::superop::{DIRECT_REGISTERS, SuperOp};
+use crate::ops::superop::{DIRECT_REGISTERS, Operands, SuperOp};
 
 /// The direct registers.
 pub(super) type DirectRegisters<const W: usize> = [Lanes<W>; DIRECT_REGISTERS];
@@ -28,81 +28,34 @@ pub(super) fn apply<
     registers: &mut DirectRegisters<W>,
     superop: &SuperOp,
 ) {
-    // Written out: closures would be compiled anew for each of the many instances of this function.
+    // The loops over operands are unrolled. Closures, or each operand by itself, would be a
+    // multiple of the code for each of the many instances of this function.
     let held = Lanes(*accumulator);
-    let [a, b, c, d, e, f] = [
-        if const { reads::<F>(ACC_OPERAND, UNIFORM, 0) } {
-            &registers[usize::from(superop.from[0])]
-        } else {
-            &held
-        },
-        if const { reads::<F>(ACC_OPERAND, UNIFORM, 1) } {
-            &registers[usize::from(superop.from[1])]
-        } else {
-            &held
-        },
-        if const { reads::<F>(ACC_OPERAND, UNIFORM, 2) } {
-            &registers[usize::from(superop.from[2])]
-        } else {
-            &held
-        },
-        if const { reads::<F>(ACC_OPERAND, UNIFORM, 3) } {
-            &registers[usize::from(superop.from[3])]
-        } else {
-            &held
-        },
-        if const { reads::<F>(ACC_OPERAND, UNIFORM, 4) } {
-            &registers[usize::from(superop.from[4])]
-        } else {
-            &held
-        },
-        if const { reads::<F>(ACC_OPERAND, UNIFORM, 5) } {
-            &registers[usize::from(superop.from[5])]
-        } else {
-            &held
-        },
-    ];
-    let words = [
-        if const { has_operand(UNIFORM, 0) } { uniform(registers, superop, 0, SHIFT_AMOUNTS) } else { 0 },
-        if const { has_operand(UNIFORM, 1) } { uniform(registers, superop, 1, SHIFT_AMOUNTS) } else { 0 },
-        if const { has_operand(UNIFORM, 2) } { uniform(registers, superop, 2, SHIFT_AMOUNTS) } else { 0 },
-        if const { has_operand(UNIFORM, 3) } { uniform(registers, superop, 3, SHIFT_AMOUNTS) } else { 0 },
-        if const { has_operand(UNIFORM, 4) } { uniform(registers, superop, 4, SHIFT_AMOUNTS) } else { 0 },
-        if const { has_operand(UNIFORM, 5) } { uniform(registers, superop, 5, SHIFT_AMOUNTS) } else { 0 },
-    ];
+    let mut rows: Operands<_> = [&held; 6];
+    let mut uniform = Operands::default();
+    for at in 0..F::OPERANDS {
+        if has_operand(UNIFORM, at) {
+            // The mask lets the compiler leave out a comparison with 32.
+            let mask = if has_operand(SHIFT_AMOUNTS, at) { 31 } else { !0 };
+            uniform[at] = registers[usize::from(superop.from[at])].0[0] & mask;
+        } else if at + 1 != ACC_OPERAND {
+            rows[at] = &registers[usize::from(superop.from[at])];
+        }
+    }
     let mut result = [0; W];
     for lane in 0..W {
-        result[lane] = F::apply([
-            if const { has_operand(UNIFORM, 0) } { words[0] } else { a.0[lane] },
-            if const { has_operand(UNIFORM, 1) } { words[1] } else { b.0[lane] },
-            if const { has_operand(UNIFORM, 2) } { words[2] } else { c.0[lane] },
-            if const { has_operand(UNIFORM, 3) } { words[3] } else { d.0[lane] },
-            if const { has_operand(UNIFORM, 4) } { words[4] } else { e.0[lane] },
-            if const { has_operand(UNIFORM, 5) } { words[5] } else { f.0[lane] },
-        ]);
+        let mut words = uniform;
+        for at in 0..F::OPERANDS {
+            if !has_operand(UNIFORM, at) {
+                words[at] = rows[at].0[lane];
+            }
+        }
+        result[lane] = F::apply(words);
     }
     if STORED {
         registers[usize::from(superop.to)].0 = result;
     }
     *accumulator = result;
-}
-
-/// Whether an operand of a function is read lane by lane from its register: if the function has it,
-/// and it is neither the accumulator nor uniform.
-const fn reads<F: WordFunction>(accumulator: usize, uniform: u8, at: usize) -> bool {
-    at < F::OPERANDS && at + 1 != accumulator && !has_operand(uniform, at)
-}
-
-/// The word of a uniform operand.
-#[inline(always)]
-fn uniform<const W: usize>(
-    registers: &DirectRegisters<W>,
-    superop: &SuperOp,
-    at: usize,
-    shift_amounts: u8,
-) -> u32 {
-    // The mask lets the compiler leave out a comparison with 32.
-    registers[usize::from(superop.from[at])].0[0] & if has_operand(shift_amounts, at) { 31 } else { !0 }
 }
 
 /// Does what [`apply`] does for the conversion of floats to integers: the compiler does not emit

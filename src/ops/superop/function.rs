@@ -154,6 +154,7 @@ const fn encode(function: u16, uniform: bool, acc_operand: usize, stored: bool) 
 }
 
 /// Whether the bit of an operand is set in a mask of operands.
+#[inline(always)]
 pub(crate) const fn has_operand(mask: u8, operand: usize) -> bool {
     mask >> operand & 1 == 1
 }

@@ -1,12 +1,12 @@
 //! The classes as tables in Markdown, for the README and `docs/support.md`.
 
-use std::collections::BTreeMap;
 use std::fmt::Write;
 
 use rspirv::grammar::{GLSL_STD_450_INSTRUCTION_TABLE, INSTRUCTION_TABLE};
 use rspirv::spirv::{BuiltIn, StorageClass};
 
 use crate::ops::support::{Support, builtin, glsl, opcode, storage_class};
+use crate::sorted::SortedMap;
 
 /// A kind of thing that has a class, and all of its things by name.
 struct Kind {
@@ -34,7 +34,7 @@ pub fn listing() -> String {
     let mut out = String::new();
     for kind in kinds() {
         let _ = write!(out, "## {}\n\n| class | group | names |\n|---|---|---|\n", kind.title);
-        let mut groups: BTreeMap<(usize, &str), Vec<&str>> = BTreeMap::new();
+        let mut groups: SortedMap<(usize, &str), Vec<&str>> = SortedMap::new();
         for (name, support) in &kind.things {
             if let Some(support) = *support {
                 groups.entry((rank(support), support.group())).or_default().push(name);

@@ -10,17 +10,17 @@ use crate::machine::stop::RegSpan;
 use crate::machine::{Batch, Exit, HitRecordTerms, Lanes, Mask, Registers, ShaderIndex, TrapCode};
 use crate::pipeline::Pipeline;
 use crate::pipeline::group::Role;
-use crate::pipeline::observer::{Caller, Event, PipelineObserver};
+use crate::pipeline::observer::{Caller, Event, EventReceiver};
 use crate::pipeline::sbt::{SbtRecord, is_beyond_end};
 use crate::pipeline::trace::{Trace, Words, general_shader, hit_group_at, record_at};
 
 impl<const W: usize> Trace<W> {
     /// Calls the closest-hit or miss shader of each ray, unless it can be elided.
-    pub(super) fn begin_hit_or_miss<T: PipelineObserver>(
+    pub(super) fn begin_hit_or_miss(
         &mut self,
         pipeline: &Pipeline,
         mut payload: Option<(&mut Registers<W>, RegSpan)>,
-        observer: &mut T,
+        observer: &mut EventReceiver<'_>,
     ) {
         let mut groups: SmallVec<[(Role, RecordIndex, Mask<W>); 4]> = SmallVec::new();
         for lane in self.lanes.without(self.trapped_lanes).lanes() {
@@ -52,7 +52,9 @@ impl<const W: usize> Trace<W> {
                 let opaque = |lane: &usize| self.committed[*lane].as_ref().is_some_and(is_opaque);
                 self.stats.elided.any_hit += lanes.lanes().filter(opaque).count() as u64;
             }
-            if T::is_active() && !self.from_hit_objects {
+            if let Some(observer) = observer
+                && !self.from_hit_objects
+            {
                 for lane in lanes.lanes() {
                     let shader = shader.filter(|_| called.contains(lane));
                     let (committed, to_hit_object) = (self.committed[lane], !self.invokes_hit_or_miss);
@@ -72,7 +74,7 @@ impl<const W: usize> Trace<W> {
                 (Some(shader), _) if !self.payload_matches(pipeline, shader) => {
                     called.lanes().for_each(|lane| self.trap_payload_mismatch(lane, shader));
                 }
-                (Some(shader), _) if !T::is_active() && is_empty => {
+                (Some(shader), _) if observer.is_none() && is_empty => {
                     self.stats.elide(pipeline.programs[shader.index()].stage, called.count());
                 }
                 (Some(shader), _) if !self.observed && writes_only_unread => {
@@ -85,8 +87,10 @@ impl<const W: usize> Trace<W> {
                         self.trap_at_record(lane, code, candidate.as_ref());
                     }
                 }
-                (None, None) if T::is_active() => {
-                    let (Some(caller), Some((registers, span))) = (self.caller, &mut payload) else {
+                (None, None) => {
+                    let (Some(observer), Some(caller), Some((registers, span))) =
+                        (&mut *observer, self.caller, &mut payload)
+                    else {
                         continue;
                     };
                     for lane in called.lanes() {
@@ -98,7 +102,6 @@ impl<const W: usize> Trace<W> {
                         }
                     }
                 }
-                (None, None) => {}
             }
         }
     }

@@ -5,15 +5,15 @@ use crate::machine::{Mask, OpenChoices, ShaderIndex, TrapCode};
 use crate::module::interface::Stage;
 use crate::pipeline::Pipeline;
 use crate::pipeline::group::Role;
-use crate::pipeline::observer::{Event, PipelineObserver, TraversalAdapter};
+use crate::pipeline::observer::{Event, EventReceiver, TraversalAdapter};
 use crate::pipeline::sbt::is_beyond_end;
 use crate::pipeline::trace::{Trace, hit_group_at};
 
 impl<const W: usize> Trace<W> {
     /// Traces all rays that can hit only opaque geometry, and gives the others a resumable
     /// traversal.
-    pub(super) fn begin_traversal<T: PipelineObserver>(&mut self, choices: Option<&OpenChoices>) {
-        if !T::is_active() && choices.is_none() {
+    pub(super) fn begin_traversal(&mut self, is_observed: bool, choices: Option<&OpenChoices>) {
+        if !is_observed && choices.is_none() {
             for number in 0..self.structures.all().len() {
                 self.trace_opaque(number);
             }
@@ -117,19 +117,24 @@ impl<const W: usize> Trace<W> {
     }
 
     /// Advances each ray to the next candidate that needs a shader's decision.
-    pub(super) fn traverse<T: PipelineObserver>(&mut self, pipeline: &Pipeline, observer: &mut T) {
-        if !T::is_active() {
+    pub(super) fn traverse(&mut self, pipeline: &Pipeline, observer: &mut EventReceiver<'_>) {
+        if observer.is_none() {
             self.look_ahead();
         }
         // Mostly all candidates have one record.
         let mut known: Option<CandidateShader> = None;
         for lane in self.traversing.lanes() {
-            observer.invocation(self.launch_id(lane));
+            if let Some(observer) = observer {
+                observer.invocation(self.launch_id(lane));
+            }
             loop {
                 let tlas = self.structures.get(lane).expect("bug in anyhit: a ray without a structure");
                 let cursor = self.cursors[lane].as_mut().expect("bug in anyhit: a ray without a traversal");
-                let Some(candidate) = cursor.proceed_observed(tlas, &mut TraversalAdapter::new(observer))
-                else {
+                let next = match observer {
+                    None => cursor.proceed(tlas),
+                    Some(observer) => cursor.proceed_observed(tlas, &mut TraversalAdapter::new(*observer)),
+                };
+                let Some(candidate) = next else {
                     self.committed[lane] = cursor.committed().copied();
                     self.traversing = self.traversing.without(Mask::lane(lane));
                     break;
@@ -140,7 +145,7 @@ impl<const W: usize> Trace<W> {
                 let CandidateShader { shader, takes_payload, is_empty, is_beyond_end, .. } = *known.insert(
                     found.unwrap_or_else(|| self.candidate_shader(pipeline, index, candidate.is_box())),
                 );
-                if T::is_active() {
+                if let Some(observer) = observer {
                     let instance = &self.tlas(lane).instances()[candidate.instance as usize];
                     let arithmetic = [
                         instance.sbt_record_offset,
@@ -157,7 +162,7 @@ impl<const W: usize> Trace<W> {
                     continue;
                 }
                 // Under an observer every shader runs.
-                if !T::is_active() && is_empty {
+                if observer.is_none() && is_empty {
                     // An empty intersection shader reports no hit, an empty any-hit shader accepts.
                     self.stats.elide(if candidate.is_box() { Stage::Intersection } else { Stage::AnyHit }, 1);
                     self.cursor_mut(lane).confirm();

@@ -8,21 +8,21 @@
 //! as the analysis does not know which element an access is to.
 
 use std::borrow::Cow;
-use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use super::{AffineExpr, Memory, MemoryAccess};
 use crate::machine::{Binding, Descriptor, Resources};
+use crate::sorted::SortedMap;
 
 /// What a binding's accesses have in common with those of others.
 pub(super) struct AliasedMemory {
     /// For each binding that shares memory with an earlier one: the first of these.
-    first: BTreeMap<Binding, Binding>,
+    first: SortedMap<Binding, Binding>,
     /// The first bindings of those whose memory is accessed by device addresses, too.
     addressed: Vec<Binding>,
     /// What is added to the offsets in a binding to compare them with those of others, modulo 2^32;
     /// `None` where its elements begin at different offsets. Without an entry it is nothing.
-    shifts: BTreeMap<Binding, Option<u32>>,
+    shifts: SortedMap<Binding, Option<u32>>,
 }
 
 /// The bytes that a descriptor refers to.
@@ -39,7 +39,7 @@ struct Extent {
 impl AliasedMemory {
     /// The aliases among the bindings that are accessed.
     pub(super) fn of(resources: &Resources, accesses: &[&MemoryAccess]) -> Self {
-        let mut all = Self { first: BTreeMap::new(), addressed: Vec::new(), shifts: BTreeMap::new() };
+        let mut all = Self { first: SortedMap::new(), addressed: Vec::new(), shifts: SortedMap::new() };
         let mut bindings: Vec<Binding> =
             accesses.iter().filter_map(|access| binding(access.memory)).collect();
         bindings.sort_unstable();

@@ -6,7 +6,7 @@ use smallvec::SmallVec;
 
 use crate::module::interface::{EntryPoint, InterfaceVariable};
 use crate::module::ty::Type;
-use crate::module::{Definition, Id, Instruction, Module};
+use crate::module::{Definition, Function, Id, Instruction, Module};
 use crate::ops::atomic;
 
 /// The instructions of an entry point's call tree, and the variables that they use.
@@ -46,8 +46,7 @@ impl<'a> EntryCode<'a> {
     pub(in crate::sanitize) fn new(module: &'a Module, entry: &'a EntryPoint) -> Self {
         let functions = module.call_tree(entry.function);
         let functions = functions.into_iter().map(|function| &module.functions[function as usize]);
-        let instructions: Vec<_> =
-            functions.flat_map(|function| &function.blocks).flat_map(|block| &block.instructions).collect();
+        let instructions: Vec<_> = functions.flat_map(Function::instructions).collect();
         let mut arguments: FxHashMap<Id, SmallVec<[Id; 2]>> = FxHashMap::default();
         for &instruction in instructions.iter().filter(|one| one.opcode == Op::FunctionCall as u16) {
             let Some((&callee, passed)) = module.operands(instruction).split_first() else { continue };

@@ -1,7 +1,5 @@
 //! Modules that break one rule each, most of which no compiler writes.
 
-use std::collections::BTreeSet;
-
 use rspirv::spirv::Op;
 
 use crate::module::Module;
@@ -10,6 +8,7 @@ use crate::module::decoration::number;
 use crate::ops::pointer::storage;
 use crate::sanitize::module_checks::CHECKS;
 use crate::sanitize::module_checks::code::EntryCode;
+use crate::sorted::SortedSet;
 
 const COMPUTE: u32 = 5;
 const RAY_GENERATION: u32 = 5313;
@@ -18,7 +17,7 @@ const CLOSEST_HIT: u32 = 5316;
 const MISS: u32 = 5317;
 
 /// The rules that the first entry point of a module breaks.
-fn broken(module: &Module) -> BTreeSet<&'static str> {
+fn broken(module: &Module) -> SortedSet<&'static str> {
     let code = EntryCode::new(module, &module.entry_points[0]);
     let breaks = |check: fn(&EntryCode<'_>, &mut Vec<_>)| {
         let mut faults = Vec::new();
@@ -53,7 +52,7 @@ fn with_block(
     class: u32,
     decorate: impl FnOnce(&mut Assembler),
     access: impl FnOnce(&mut Assembler),
-) -> BTreeSet<&'static str> {
+) -> SortedSet<&'static str> {
     let declare = |a: &mut Assembler| {
         a.op(Op::Constant, &[5, 49, 0]);
         a.op(Op::TypeStruct, &[50, 5]);
@@ -80,8 +79,8 @@ fn load(a: &mut Assembler) {
     a.op(Op::Load, &[5, 60, 31]);
 }
 
-fn rules<const N: usize>(ids: [&'static str; N]) -> BTreeSet<&'static str> {
-    BTreeSet::from(ids)
+fn rules<const N: usize>(ids: [&'static str; N]) -> SortedSet<&'static str> {
+    SortedSet::from(ids)
 }
 
 #[test]
@@ -437,7 +436,7 @@ fn with_the_vulkan_memory_model_loads_of_changing_builtins_are_volatile() {
 }
 
 /// The rules that a barrier or atomic instruction breaks.
-fn ordered(stage: u32, opcode: Op, scope: u32, semantics: &[u32]) -> BTreeSet<&'static str> {
+fn ordered(stage: u32, opcode: Op, scope: u32, semantics: &[u32]) -> SortedSet<&'static str> {
     let declare = |a: &mut Assembler| {
         a.op(Op::Constant, &[5, 49, scope]);
         for (at, &bits) in semantics.iter().enumerate() {

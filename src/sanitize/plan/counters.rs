@@ -4,7 +4,7 @@
 use rspirv::spirv::Op as Opcode;
 use rustc_hash::{FxHashMap, FxHashSet};
 
-use crate::module::{BasicBlock, Definition, Id, Instruction, Module};
+use crate::module::{BasicBlock, Definition, Id, Instruction, Instructions, Module};
 use crate::sanitize::flushed_use::comparison;
 
 /// A sum that counts the turns of a loop.
@@ -45,7 +45,7 @@ struct Loop<'a> {
 
 impl<'a> Loop<'a> {
     fn new(module: &'a Module, blocks: &'a [BasicBlock]) -> Self {
-        let instructions: Vec<_> = blocks.iter().flat_map(|block| &block.instructions).collect();
+        let instructions: Vec<_> = Instructions::of(blocks).collect();
         let results = instructions.iter().filter_map(|&one| Some((one.result?, one))).collect();
         let (stored, compared) = Default::default();
         let mut own = Self { module, instructions, results, stored, compared };

@@ -19,8 +19,7 @@ impl<'m> Values<'m> {
     /// Those of a module.
     pub(super) fn of(module: &'m Module) -> Self {
         let mut values = Self { module, stored: FxHashMap::default(), allocated: FxHashSet::default() };
-        let blocks = module.functions.iter().flat_map(|function| &function.blocks);
-        let instructions = blocks.flat_map(|block| &block.instructions);
+        let instructions = module.instructions();
         let mut pointers = FxHashSet::default();
         for instruction in instructions.clone() {
             let operands = module.operands(instruction);

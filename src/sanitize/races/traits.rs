@@ -187,8 +187,7 @@ pub(super) struct Barriers {
 impl Barriers {
     fn of(module: &Module) -> Self {
         let mut all = Self::default();
-        let blocks = module.functions.iter().flat_map(|function| &function.blocks);
-        for instruction in blocks.flat_map(|block| &block.instructions) {
+        for instruction in module.instructions() {
             let operands = module.operands(instruction);
             match Opcode::from_u32(instruction.opcode.into()) {
                 Some(Opcode::MemoryBarrier) => {

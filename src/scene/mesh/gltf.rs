@@ -158,28 +158,29 @@ impl GltfFile {
         let normalized = accessor.normalized();
         let unsigned = |most: f32| move |x: f32| if normalized { x / most } else { x };
         let signed = |most: f32| move |x: f32| if normalized { (x / most).max(-1.0) } else { x };
+        // The bits are read, so that there are half as many types of elements.
         match accessor.data_type() {
-            T::U8 => self.elements(accessor, |x: u8| unsigned(255.0)(x.into())),
-            T::U16 => self.elements(accessor, |x: u16| unsigned(65535.0)(x.into())),
-            T::I8 => self.elements(accessor, |x: i8| signed(127.0)(x.into())),
-            T::I16 => self.elements(accessor, |x: i16| signed(32767.0)(x.into())),
-            T::U32 => self.elements(accessor, |x: u32| x as f32),
-            T::F32 => self.elements(accessor, |x: f32| x),
+            T::U8 => self.elements(accessor, &|x: u8| unsigned(255.0)(x.into())),
+            T::U16 => self.elements(accessor, &|x: u16| unsigned(65535.0)(x.into())),
+            T::I8 => self.elements(accessor, &|x: u8| signed(127.0)((x as i8).into())),
+            T::I16 => self.elements(accessor, &|x: u16| signed(32767.0)((x as i16).into())),
+            T::U32 => self.elements(accessor, &|x: u32| x as f32),
+            T::F32 => self.elements(accessor, &f32::from_bits),
         }
     }
 
     fn elements<T: Item + Copy>(
         &self,
         accessor: &Accessor<'_>,
-        number: impl Fn(T) -> f32,
+        number: &dyn Fn(T) -> f32,
     ) -> Result<Numbers> {
         let components = accessor.dimensions().multiplicity();
         let mut values = Vec::with_capacity(components * accessor.count());
         match components {
             1 => values.extend(self.items::<T>(accessor)?.map(number)),
-            2 => self.items::<[T; 2]>(accessor)?.for_each(|x| values.extend(x.map(&number))),
-            3 => self.items::<[T; 3]>(accessor)?.for_each(|x| values.extend(x.map(&number))),
-            _ => self.items::<[T; 4]>(accessor)?.for_each(|x| values.extend(x.map(&number))),
+            2 => self.items::<[T; 2]>(accessor)?.for_each(|x| values.extend(x.map(number))),
+            3 => self.items::<[T; 3]>(accessor)?.for_each(|x| values.extend(x.map(number))),
+            _ => self.items::<[T; 4]>(accessor)?.for_each(|x| values.extend(x.map(number))),
         }
         if values.len() != components * accessor.count() {
             return Err(invalid(format!("accessor {} cannot be read", accessor.index())));

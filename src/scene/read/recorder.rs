@@ -1,8 +1,9 @@
 //! What parsers request while they read, noted for a schema.
 
 use std::cell::RefCell;
-use std::collections::BTreeMap;
 use std::ops::Range;
+
+use crate::sorted::SortedMap;
 
 /// A JSON Schema, or a part of one.
 pub type JsonSchema = serde_json::Value;
@@ -13,7 +14,7 @@ pub type SchemaOf = fn(&mut SchemaProbe) -> JsonSchema;
 /// Makes schemas; holds the definitions that they refer to.
 #[derive(Debug, Default)]
 pub struct SchemaProbe {
-    pub(super) definitions: BTreeMap<String, JsonSchema>,
+    pub(super) definitions: SortedMap<String, JsonSchema>,
 }
 
 /// What a parser requested while it read a probe.
@@ -50,7 +51,7 @@ impl RequestRecorder {
     }
 
     /// The value at a place was read as one of some names.
-    pub(super) fn names(&self, value: Range<usize>, names: impl Iterator<Item = &'static str>) {
-        self.names.borrow_mut().push((value, names.collect()));
+    pub(super) fn names(&self, value: Range<usize>, names: &[&'static str]) {
+        self.names.borrow_mut().push((value, names.to_vec()));
     }
 }

@@ -3,13 +3,13 @@
 //! of keys that could differ from the code.
 
 use std::any::type_name;
-use std::collections::{BTreeMap, BTreeSet};
 
 use serde_json::{Map, json};
 
 use crate::scene::read::recorder::{JsonSchema, Request, SchemaProbe};
-use crate::scene::read::{Diagnostics, Document, Named, Parse, TomlValue};
+use crate::scene::read::{Diagnostics, Document, Parse, TomlValue};
 use crate::scene::tree::{Toml, TomlNode};
+use crate::sorted::{SortedMap, SortedSet};
 
 /// How deep tables are explored of which no type is known.
 const MAX_DEPTH: usize = 4;
@@ -32,7 +32,7 @@ const ARRAYS: [&str; 6] = ["[1]", "[1, 1]", "[1, 1, 1]", "['x']", "[[1, 1, 1]]",
 struct Found {
     /// Whether something of another type was expected there.
     refused: bool,
-    keys: BTreeMap<&'static str, Request>,
+    keys: SortedMap<&'static str, Request>,
     names: Option<Vec<&'static str>>,
     /// Whether its keys are the user's names.
     is_open: bool,
@@ -97,16 +97,20 @@ impl SchemaProbe {
 
     /// The schema of a type whose parser is asked.
     pub fn of_parser<T: Parse>(&mut self) -> JsonSchema {
+        self.defined(type_name::<T>(), &|value| drop(T::parse(value)))
+    }
+
+    /// The schema of a type, by its name, whose parser is asked.
+    fn defined(&mut self, type_name: &str, parse: &dyn Fn(TomlValue<'_>)) -> JsonSchema {
         // Without the modules: `Column<InstanceColumn>` is `Column.InstanceColumn`.
-        let parts = type_name::<T>().split(['<', '>', ',']).filter(|part| !part.is_empty());
+        let parts = type_name.split(['<', '>', ',']).filter(|part| !part.is_empty());
         let parts: Vec<&str> = parts.map(|part| part.rsplit("::").next().unwrap_or(part).trim()).collect();
         let name = parts.join(".");
         let reference = json!({ "$ref": format!("#/definitions/{name}") });
         if !self.definitions.contains_key(&name) {
             // What refers to itself finds it.
             self.definitions.insert(name.clone(), json!(true));
-            let parse = |value: TomlValue<'_>| drop(T::parse(value));
-            let schema = self.explored(&Spot { parse: &parse, around: ["", ""], path: &[] }, 0);
+            let schema = self.explored(&Spot { parse, around: ["", ""], path: &[] }, 0);
             self.definitions.insert(name, schema);
         }
         reference
@@ -199,14 +203,14 @@ impl SchemaProbe {
         spot: &Spot<'_>,
         given: &[(&'static str, String)],
         depth: usize,
-    ) -> (BTreeMap<&'static str, JsonSchema>, BTreeSet<&'static str>) {
-        let mut known: BTreeMap<&'static str, JsonSchema> = BTreeMap::new();
-        let mut required: Option<BTreeSet<&'static str>> = None;
+    ) -> (SortedMap<&'static str, JsonSchema>, SortedSet<&'static str>) {
+        let mut known: SortedMap<&'static str, JsonSchema> = SortedMap::new();
+        let mut required: Option<SortedSet<&'static str>> = None;
         let mut open = vec![given.to_vec()];
         while let Some(members) = open.pop() {
             let requests = spot.read(&table(&members)).keys;
             let needed = requests.iter().filter(|(_, request)| request.required).map(|(key, _)| *key);
-            let needed: BTreeSet<_> = needed.chain(members.iter().map(|(key, _)| *key)).collect();
+            let needed: SortedSet<_> = needed.chain(members.iter().map(|(key, _)| *key)).collect();
             required =
                 Some(required.map_or(needed.clone(), |all| all.intersection(&needed).copied().collect()));
             for (key, request) in requests {
@@ -300,7 +304,7 @@ fn table(members: &[(&'static str, String)]) -> String {
     format!("{{ {} }}", members.join(", "))
 }
 
-fn object(keys: &BTreeMap<&'static str, JsonSchema>, required: &BTreeSet<&str>) -> JsonSchema {
+fn object(keys: &SortedMap<&'static str, JsonSchema>, required: &SortedSet<&str>) -> JsonSchema {
     let properties: Map<String, JsonSchema> =
         keys.iter().map(|(key, schema)| ((*key).to_owned(), schema.clone())).collect();
     let mut schema = json!({ "type": "object", "properties": properties, "additionalProperties": false });
@@ -311,7 +315,6 @@ fn object(keys: &BTreeMap<&'static str, JsonSchema>, required: &BTreeSet<&str>) 
 }
 
 /// The schema of a closed set of names.
-pub(super) fn names<T: Named>() -> JsonSchema {
-    let names: Vec<&str> = T::NAMES.iter().map(|(name, _)| *name).collect();
+pub(super) fn one_of(names: &[&str]) -> JsonSchema {
     json!({ "enum": names })
 }

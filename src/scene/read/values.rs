@@ -9,35 +9,53 @@ use crate::scene::tree::Toml;
 
 impl<T: Named> Parse for T {
     fn parse(value: TomlValue<'_>) -> Option<Self> {
-        if let Some(recorder) = value.report.recorder() {
-            recorder.names(value.node.range.clone(), T::NAMES.iter().map(|(name, _)| *name));
-        }
-        let Some(mut name) = value.text() else { return value.expected(&format!("a string ({})", T::WHAT)) };
-        if let Some((old, new)) = T::RENAMED.iter().find(|(old, _)| *old == name) {
-            value.report.renamed(&value.span(), old, new);
-            name = new;
-        }
-        if let Some((_, found)) = T::NAMES.iter().find(|(known, _)| *known == name) {
-            return Some(*found);
-        }
-        let names = || T::NAMES.iter().map(|(name, _)| *name);
-        let label = match nearest(name, names()) {
-            Some(suggestion) => format!("did you mean `{suggestion}`?"),
-            None => "no such name".to_string(),
-        };
-        let all: Vec<_> = names().collect();
-        value.report.push(
-            value
-                .span()
-                .error_with(format!("unknown {} `{name}`", T::WHAT), label)
-                .note(format!("one of: {}", all.join(", "))),
-        );
-        None
+        let at = name_in(value, T::WHAT, &names_of::<T>(), T::RENAMED)?;
+        Some(T::NAMES[at].1)
     }
 
     fn schema(_: &mut SchemaProbe) -> JsonSchema {
-        schema::names::<T>()
+        schema::one_of(&names_of::<T>())
     }
+}
+
+/// The names of a closed set.
+pub(super) fn names_of<T: Named>() -> Vec<&'static str> {
+    let mut names = Vec::new();
+    for (name, _) in T::NAMES {
+        names.push(*name);
+    }
+    names
+}
+
+/// Reads a name; returns its place among those that are known.
+fn name_in(
+    value: TomlValue<'_>,
+    what: &str,
+    names: &[&'static str],
+    renamed: &[(&'static str, &'static str)],
+) -> Option<usize> {
+    if let Some(recorder) = value.report.recorder() {
+        recorder.names(value.node.range.clone(), names);
+    }
+    let Some(mut name) = value.text() else { return value.expected(&format!("a string ({what})")) };
+    if let Some((old, new)) = renamed.iter().find(|(old, _)| *old == name) {
+        value.report.renamed(&value.span(), old, new);
+        name = new;
+    }
+    if let Some(at) = names.iter().position(|known| *known == name) {
+        return Some(at);
+    }
+    let label = match nearest(name, names.iter().copied()) {
+        Some(suggestion) => format!("did you mean `{suggestion}`?"),
+        None => "no such name".to_string(),
+    };
+    value.report.push(
+        value
+            .span()
+            .error_with(format!("unknown {what} `{name}`"), label)
+            .note(format!("one of: {}", names.join(", "))),
+    );
+    None
 }
 
 impl Parse for bool {
@@ -131,8 +149,14 @@ impl<T: Parse> Parse for Spanned<T> {
 impl<T: Parse> Parse for Vec<T> {
     fn parse(value: TomlValue<'_>) -> Option<Self> {
         let Some(elements) = value.elements() else { return value.expected("an array") };
-        let parsed: Vec<Option<T>> = elements.map(T::parse).collect();
-        parsed.into_iter().collect()
+        let (mut parsed, mut is_whole) = (Vec::new(), true);
+        for element in elements {
+            match T::parse(element) {
+                Some(one) => parsed.push(one),
+                None => is_whole = false,
+            }
+        }
+        is_whole.then_some(parsed)
     }
 
     fn schema(probe: &mut SchemaProbe) -> JsonSchema {

@@ -20,6 +20,7 @@ use crate::scene::resolved::{ResolvedBinding, ResolvedGroup, UnboundBuffer};
 use crate::scene::resources::{Content, Resource, ResourceEntry, too_many_elements};
 use crate::scene::sampler::SamplerReference;
 use crate::scene::view_entry::ViewEntry;
+use crate::sorted::{sort_by, sort_by_key};
 
 impl Resolver<'_> {
     pub(super) fn bindings(
@@ -84,7 +85,7 @@ impl Resolver<'_> {
         };
         let views: Vec<ResolvedBinding> = views.into_iter().filter_map(view).collect();
         bindings.extend(views);
-        bindings.sort_by_key(|binding| (binding.set, binding.binding, binding.element));
+        sort_by_key(&mut bindings, |binding| (binding.set, binding.binding, binding.element));
         bindings
     }
 
@@ -105,7 +106,7 @@ impl Resolver<'_> {
                 });
             }
         }
-        buffers.sort_by(|a, b| a.name.cmp(&b.name));
+        sort_by(&mut buffers, |a, b| a.name.cmp(&b.name));
         buffers
     }
 
