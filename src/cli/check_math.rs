@@ -1,12 +1,12 @@
 //! `anyhit check-math`: compares the elementary functions with their correctly rounded results.
 
+use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::Value;
 
 use crate::check_math::float_width::FloatWidth;
 use crate::check_math::function::{CheckedFunction, FUNCTIONS};
 use crate::check_math::{self, CheckMathReport, CheckMathSettings};
 use crate::cli::output;
-use crate::cli::progress::ProgressBar;
 use crate::cli::share::ShareArgs;
 use crate::error::{Error, ErrorKind, Result};
 use crate::harness::shares::ShareResults;
@@ -88,12 +88,14 @@ pub(super) fn run(args: CheckMathArgs) -> Result<()> {
     form.print_heading()?;
     let mut result = CheckMathResult::default();
     for (place, (format, function)) in all.into_iter().enumerate().filter(|(place, _)| shard.holds(*place)) {
-        let bar = ProgressBar::new(function.name, 0);
+        let style = ProgressStyle::with_template("{msg} {wide_bar} {percent}% {eta}");
+        let bar = ProgressBar::new(0).with_message(function.name);
+        let bar = style.map_or_else(|_| bar.clone(), |style| bar.clone().with_style(style));
         let report = check_math::run(function, format, &settings, |count, total| {
-            bar.set_total(total);
-            bar.advance(count);
+            bar.set_length(total);
+            bar.inc(count);
         });
-        drop(bar);
+        bar.finish_and_clear();
         form.print_line(&report)?;
         result.functions.push((place, report));
     }

@@ -21,7 +21,6 @@ mod module_file;
 mod output;
 mod page_args;
 mod precision;
-mod progress;
 mod render;
 mod run;
 mod sanitize;

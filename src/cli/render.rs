@@ -5,12 +5,13 @@ mod share;
 
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
+
+use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::cli::input::{SceneFileArgs, VariantArgs};
 use crate::cli::limits::LimitArgs;
 use crate::cli::many_seeds::{ManySeedsArgs, command_line};
-use crate::cli::progress::ProgressBar;
 use crate::cli::render::look::{LookArgs, Looked};
 use crate::cli::render::share::PictureShare;
 use crate::cli::sanitize::SanitizeArgs;
@@ -139,11 +140,10 @@ pub(super) fn run(args: RenderArgs) -> Result<()> {
             format: RenderWhole::format_of(image.format),
             to_srgb,
         };
-        let invocations = u64::from(width) * u64::from(height) / args.share.shard_or_whole().of as u64;
-        let bar = ProgressBar::new("", invocations);
+        let bar = progress_bar(u64::from(width) * u64::from(height) / args.share.shard_or_whole().of as u64);
         let shared = PictureShare { share: &args.share, whole, bands, lanes: &args.lanes };
-        let outcome = shared.run(&|count| bar.advance(count));
-        drop(bar);
+        let outcome = shared.run(&|count| bar.inc(count));
+        bar.finish_and_clear();
         output::printed(&printed)?;
         return outcome;
     }
@@ -162,16 +162,15 @@ pub(super) fn run(args: RenderArgs) -> Result<()> {
     let load_time = begin.elapsed();
 
     let size = assembled.size;
-    let invocations = match assembled.is_frame() {
+    let bar = progress_bar(match assembled.is_frame() {
         true => assembled.invocations(),
         false => size.iter().map(|&side| u64::from(side)).product(),
-    };
-    let bar = ProgressBar::new("", invocations);
+    });
     let drawn =
         args.many_seeds.run(&args.sanitize, &args.stability, &resolved, &assembled, repeated(&args))?;
     let launched = Instant::now();
     let launch = assembled.launch();
-    let on_progress = |count| bar.advance(count);
+    let on_progress = |count| bar.inc(count);
     let sanitized = match args.sanitize.is_requested() {
         true => Some(args.sanitize.run(&resolved, &assembled, &assembled.resources)?),
         false => None,
@@ -197,7 +196,7 @@ pub(super) fn run(args: RenderArgs) -> Result<()> {
             }
         }),
     };
-    drop(bar);
+    bar.finish_and_clear();
     let launch_time = launched.elapsed();
     output::printed(&printed)?;
     let launch_stats = outcome?;
@@ -435,6 +434,15 @@ pub(super) fn size(text: &str) -> Result<[u32; 2], String> {
         Some((Ok(width), Ok(height))) if width > 0 && height > 0 => Ok([width, height]),
         _ => Err(format!("`{text}` is not WIDTHxHEIGHT, such as 640x360")),
     }
+}
+
+/// A progress bar, shown if standard error is a terminal and the work takes a while.
+fn progress_bar(count: u64) -> ProgressBar {
+    let bar = ProgressBar::new(count);
+    let style = ProgressStyle::with_template("{bar:40} {percent:>3} %  {elapsed_precise}  about {eta} left");
+    bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+    bar.enable_steady_tick(Duration::from_millis(250));
+    bar
 }
 
 #[cfg(test)]
