@@ -80,7 +80,8 @@ pub(super) fn propagate_copies(program: &mut Program, addressed: &[(Reg, u32)]) 
                 let overwritten = |reg: &Reg| {
                     written.iter().any(|&(first, count)| (first.0..first.0 + count).contains(&reg.0))
                 };
-                copies.retain(|copy, original| !overwritten(copy) && !overwritten(original));
+                // The copy itself has no other write.
+                copies.retain(|_, original| !overwritten(original));
                 if let Op::Stop(_) = op {
                     // The pipeline may write any register before execution continues.
                     copies.clear();
@@ -420,3 +421,6 @@ fn for_each_successor(terminator: &Terminator, mut visit: impl FnMut(BlockIndex)
 pub(super) fn is_noop(op: &Op) -> bool {
     matches!(op, Op::Memory(memory::MemoryOp::Move { to, from }) if to == from)
 }
+
+#[cfg(test)]
+mod tests;

@@ -46,7 +46,7 @@ impl<'a> LivenessMarker<'a> {
     fn read(&mut self, first: Reg, count: u32) {
         for register in first.0..first.0 + count {
             let register = register as usize;
-            if register < self.live.len() && !std::mem::replace(&mut self.live[register], true) {
+            if !std::mem::replace(&mut self.live[register], true) {
                 let mut next = self.unread_head[register];
                 while let Some(&(op, after)) = self.unread_writers.get(next as usize) {
                     self.worklist.push(op);
@@ -122,10 +122,9 @@ pub fn eliminate_dead_code(program: &mut Program, addressed: &[(Reg, u32)], stor
     marker.mark(stores);
     let LivenessMarker { needed, live, .. } = marker;
     program.inputs.retain(|input| (0..input.count).any(|word| live[(input.first.0 + word) as usize]));
-    program.order_dependent = program.ops.iter().zip(&needed).any(|(op, &kept)| match op {
-        Op::Atomic(op) if kept => {
-            op.order_dependent((0..op.words()).any(|word| live[(op.to.0 + word) as usize]))
-        }
+    // Every atomic operation has an effect, and is kept.
+    program.order_dependent = program.ops.iter().any(|op| match op {
+        Op::Atomic(op) => op.order_dependent((0..op.words()).any(|word| live[(op.to.0 + word) as usize])),
         _ => false,
     });
     remove(program, &needed);
@@ -155,3 +154,6 @@ fn remove(program: &mut Program, needed: &[bool]) {
     let is_noop = |op: &Op| matches!(op, Op::Memory(memory::MemoryOp::Move { to, from }) if to == from);
     debug_assert!(!program.ops.iter().any(is_noop));
 }
+
+#[cfg(test)]
+mod tests;

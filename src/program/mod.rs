@@ -24,6 +24,8 @@ pub mod struct_lookup;
 mod trap_operands;
 pub mod verify;
 pub mod workgroup;
+#[cfg(test)]
+mod written_program;
 
 use std::ops::Range;
 use std::sync::Arc;

@@ -297,9 +297,10 @@ struct CopySource {
     is_valid: bool,
 }
 
-/// The copies within a superblock, found by the register of the copy.
+/// The copies in local values, found by the register of the copy. Those of other superblocks are in
+/// nobody's way, as only one superblock names a local value.
 struct Copies {
-    entries: Vec<(Reg, CopySource)>,
+    entries: Vec<CopySource>,
     /// By register: the index of its copy in `entries` plus one; 0 if it is no copy.
     indices: Vec<u32>,
 }
@@ -311,27 +312,23 @@ impl Copies {
 
     fn find(&mut self, reg: Reg) -> Option<&mut CopySource> {
         let index = self.indices[reg.0 as usize].checked_sub(1)?;
-        Some(&mut self.entries[index as usize].1)
+        Some(&mut self.entries[index as usize])
     }
 
     fn insert(&mut self, reg: Reg, copy: CopySource) {
         match self.find(reg) {
             Some(known) => *known = copy,
             None => {
-                self.entries.push((reg, copy));
+                self.entries.push(copy);
                 self.indices[reg.0 as usize] = self.entries.len() as u32;
             }
         }
-    }
-
-    fn clear(&mut self) {
-        self.entries.drain(..).for_each(|(reg, _)| self.indices[reg.0 as usize] = 0);
     }
 }
 
 /// Makes the operations of a superblock read the originals of local values that are copies; copies
 /// without uses then become no-ops. `written` has, for each register, the operation that wrote it
-/// last, plus one.
+/// last, or 0 if none did: no copy stands before that one.
 fn propagate_local_copies(
     ops: &mut [Op],
     superblock: Range<usize>,
@@ -343,8 +340,7 @@ fn propagate_local_copies(
     if !ops[superblock.clone()].iter().any(|op| matches!(op, Op::Memory(memory::MemoryOp::Move { .. }))) {
         return;
     }
-    copies.clear();
-    // The last stop for the pipeline, plus one.
+    // The last stop for the pipeline, or 0 before it.
     let mut stopped = 0;
     // First find the copies that equal their originals whenever they are read, then rename.
     for at in superblock.clone() {
@@ -358,11 +354,11 @@ fn propagate_local_copies(
         });
         op.accesses(|access| {
             if let Access::Write(first, count) = access {
-                (first.0..first.0 + count).for_each(|register| written[register as usize] = at + 1);
+                (first.0..first.0 + count).for_each(|register| written[register as usize] = at);
             }
         });
         match *op {
-            Op::Stop(_) | Op::Barrier => stopped = at + 1,
+            Op::Stop(_) | Op::Barrier => stopped = at,
             Op::Memory(memory::MemoryOp::Move { to, from }) if values.is_local(to) => {
                 let is_valid = values.is_written_once(to) && !aliased.contains(from);
                 // A copy of a copy is a copy of the first original.
@@ -553,76 +549,4 @@ fn for_each_renameable(op: &mut Op, mut visit: impl FnMut(&mut Reg, OperandKind)
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_shader_has_fewer_registers_and_moves() {
-        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/spirv-fixtures/bench/arithmetic.rgen.spv");
-        let module = crate::Module::open(path).expect("a valid fixture");
-        let program = Program::of(&module, "main").expect("a supported fixture");
-        assert_eq!(program.optimized.ops.len(), program.ops.len());
-        let named = |ops: &[Op]| {
-            let mut registers = std::collections::HashSet::new();
-            for op in ops.iter().filter(|op| !is_noop(op)) {
-                op.accesses(|access| {
-                    if let Access::Read(first, count) | Access::Write(first, count) = access {
-                        registers.extend(first.0..first.0 + count);
-                    }
-                });
-            }
-            registers.len()
-        };
-        let (before, after) = (named(&program.ops), named(&program.optimized.ops));
-        assert!(after * 2 < before, "{after} registers of {before}");
-        let moves = |ops: &[Op]| {
-            let is_move = |op: &&Op| {
-                let moves = matches!(
-                    op,
-                    Op::Memory(memory::MemoryOp::Move { .. } | memory::MemoryOp::MoveMasked { .. })
-                );
-                moves && !is_noop(op)
-            };
-            ops.iter().filter(is_move).count()
-        };
-        assert!(moves(&program.optimized.ops) < moves(&program.ops));
-    }
-
-    #[test]
-    fn what_was_shifted_to_the_right_is_converted_as_signed() {
-        let shift = bit::ShiftRightLogical.kernel(32).expect("a kernel of 32 bits");
-        let [unsigned, signed] = [Conversion::UToF, Conversion::SToF]
-            .map(|cast| conversion::kernel(cast, 32, 32).expect("a kernel of 32 bits"));
-        let kernel =
-            |kernel, to, from| Op::LaneKernel { kernel, to: Reg(to), from: [Reg(from), Reg(9), Reg(9)] };
-        // Shifts by one bit at least and by none, and a register that is written after the shift.
-        for (by, between, expected) in [(1, 5, signed), (31, 5, signed), (0, 5, unsigned), (8, 1, unsigned)] {
-            let mut ops = [kernel(shift, 1, 0), kernel(unsigned, between, 3), kernel(unsigned, 2, 1)];
-            use_signed_conversions(&mut ops, &[(Reg(9), by)]);
-            assert_eq!(ops[2], kernel(expected, 2, 1), "by {by}, with {between} written between");
-        }
-    }
-
-    #[test]
-    fn the_register_of_a_constant_is_not_written() {
-        // Superinstructions read one lane of it for all. Code with observers does write registers
-        // that renamed constants took, but runs in batches of its own.
-        let folder = format!("{}/spirv-fixtures/bench", env!("CARGO_MANIFEST_DIR"));
-        let mut programs = 0;
-        for file in std::fs::read_dir(folder).expect("the fixtures' folder") {
-            let path = file.expect("a fixture").path();
-            let module = crate::Module::open(&path).expect("a valid fixture");
-            let program = Program::of(&module, "main").expect("a supported fixture");
-            programs += 1;
-            for op in program.optimized.ops.iter().filter(|op| !is_noop(op)) {
-                op.accesses(|access| {
-                    let Access::Write(first, count) = access else { return };
-                    let written = first.0..first.0 + count;
-                    let constant = program.constants.iter().find(|(reg, _)| written.contains(&reg.0));
-                    assert_eq!(constant, None, "{op:?} of {}", path.display());
-                });
-            }
-        }
-        assert!(programs > 10, "{programs}");
-    }
-}
+mod tests;

@@ -387,3 +387,6 @@ fn written_constant(op: &Op, constants: &FxHashMap<Reg, u32>) -> Option<Reg> {
     });
     found
 }
+
+#[cfg(test)]
+mod tests;

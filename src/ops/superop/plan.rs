@@ -139,11 +139,10 @@ impl Constants {
 struct AccumulatorState {
     /// The register whose value it is.
     register: u8,
-    /// The superinstruction that computed it.
-    superop: usize,
-    /// The number of reads of the value, where it is known.
-    reads: Option<u32>,
-    /// How many of them were from the accumulator.
+    /// The superinstruction that computed it and the number of reads of the value, where these are
+    /// known.
+    result: Option<(usize, u32)>,
+    /// How many reads were from the accumulator.
     accumulator_reads: u32,
 }
 
@@ -203,7 +202,7 @@ impl SuperCode {
         }
         let function = planned.function;
         if let (Function::MoveMasked, 1, Some(held)) = (function, acc_operand, held.as_mut())
-            && held.reads == Some(held.accumulator_reads)
+            && held.result.is_some_and(|(_, reads)| reads == held.accumulator_reads)
             && let Some(last) = self.superops.last_mut()
             && last.opcode == opcode(Function::CanonicalizeNan, false, 1, true)
         {
@@ -213,7 +212,7 @@ impl SuperCode {
                 to: planned.to,
                 ..*last
             };
-            held.reads = None;
+            held.result = None;
             return;
         }
         let observed = planned.float && planned.result_use.nan_payload_observed;
@@ -233,11 +232,9 @@ impl SuperCode {
             Function::MoveMasked => {
                 if acc_operand == 0 {
                     self.release_accumulator(held.take());
-                    let superop = self.superops.len() - 1;
                     *held = Some(AccumulatorState {
                         register: planned.from[0],
-                        superop,
-                        reads: None,
+                        result: None,
                         accumulator_reads: 0,
                     });
                 }
@@ -247,8 +244,7 @@ impl SuperCode {
                 let superop = self.superops.len() - 1;
                 *held = Some(AccumulatorState {
                     register: planned.to,
-                    superop,
-                    reads: planned.result_use.reads,
+                    result: planned.result_use.reads.map(|reads| (superop, reads)),
                     accumulator_reads: 0,
                 });
             }
@@ -263,7 +259,7 @@ impl SuperCode {
     /// Replaces the accumulator's value: the old one is not stored if all its reads were from the
     /// accumulator.
     fn release_accumulator(&mut self, held: Option<AccumulatorState>) {
-        if let Some(AccumulatorState { superop, reads: Some(reads), accumulator_reads, .. }) = held
+        if let Some(AccumulatorState { result: Some((superop, reads)), accumulator_reads, .. }) = held
             && reads == accumulator_reads
         {
             self.superops[superop].opcode &= !1;
@@ -430,3 +426,6 @@ fn pair(first: &Planned, second: &Planned) -> Option<Planned> {
     };
     Some(Planned { function, from: self::operands(from), operands, reads_first_twice, ..*second })
 }
+
+#[cfg(test)]
+mod tests;

@@ -2,6 +2,7 @@ use super::*;
 use crate::machine::{Reg, Registers};
 use crate::ops::conversion::{self, Conversion};
 use crate::ops::lane_kernel::{LaneKernel, Width};
+use crate::ops::superop::function::{Function, has_operand, opcode};
 
 /// Zeros, ordinary numbers, the least and the greatest, infinity, and three NaNs with different
 /// bits.
@@ -69,4 +70,15 @@ fn a_float_operand_treats_all_nans_alike() {
         }
     }
     assert!(count > 80, "{count}");
+}
+
+#[test]
+fn an_opcode_has_its_parts_side_by_side() {
+    // From the lowest bit: whether it is stored, two bits for the operand, whether some are
+    // uniform, and the number of the function, which is 1.
+    assert_eq!(opcode(Function::MoveMasked, true, 2, true), 0b11101);
+    assert_eq!(opcode(Function::MoveMasked, false, 3, false), 0b10110);
+    assert_eq!(opcode(Function::Move, false, 0, false), 0);
+    let operands = [(0, 0), (0b10, 0), (0b10, 1), (0b10, 2), (0b101, 2)];
+    assert_eq!(operands.map(|(mask, at)| has_operand(mask, at)), [false, false, true, false, true]);
 }

@@ -289,3 +289,6 @@ impl SuperopChecker<'_, '_> {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests;
