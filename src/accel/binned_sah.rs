@@ -102,9 +102,10 @@ impl BinnedSahBuilder {
         Children { records: std::array::from_fn(|slot| self.records[at(slot)]), count: self.order.len() }
     }
 
-    /// Divides at least two references, those of `whole`, among the children of a node, reordering them. There is one
-    /// record if all of them make a leaf. `median_split` splits at the median instead of by cost.
-    /// Several threads divide many references together, into the same records in the same order.
+    /// Divides at least two references, those of `whole`, among the children of a node, reordering
+    /// them. There is one record if all of them make a leaf. `median_split` splits at the median
+    /// instead of by cost. Several threads divide many references together, into the same records
+    /// in the same order.
     #[inline(always)]
     pub(super) fn divide<E: F32x8Ops>(
         &mut self,

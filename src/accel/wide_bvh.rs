@@ -307,8 +307,9 @@ fn node_over(children: &[BuildRecord]) -> Node {
     Node::new(&boxes.collect::<SmallVec<[_; WIDTH]>>())
 }
 
-/// Builds the tree over references, those of a record, as parts that follow one another in depth-first order. Several
-/// threads make a part of each subtree that is small enough, and of each node above.
+/// Builds the tree over references, those of a record, as parts that follow one another in
+/// depth-first order. Several threads make a part of each subtree that is small enough, and of each
+/// node above.
 fn build_parts(
     prim_refs: &mut [PrimRef],
     whole: &BuildRecord,
