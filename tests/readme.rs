@@ -12,7 +12,8 @@ fn commands_are_real() {
     let mut mistakes = Vec::new();
     let mut count = 0;
     for (document, line) in shell_lines() {
-        let words: Vec<&str> = line.split_whitespace().collect();
+        // Words in front, like BLESS=1, are set for what they stand in front of.
+        let words = line.split_whitespace().skip_while(|word| word.contains('=')).collect::<Vec<&str>>();
         let wrong = match words.as_slice() {
             ["cargo", "run", rest @ ..] => {
                 count += 1;
@@ -24,8 +25,6 @@ fn commands_are_real() {
             }
             ["cargo", "test", rest @ ..] => test_targets(rest),
             [script, ..] if script.starts_with(".ci/") => exists(script),
-            // A word in front, like BLESS=1, and what it stands in front of.
-            [assignment, "cargo", "test", rest @ ..] if assignment.contains('=') => test_targets(rest),
             ["cargo", ..] => Ok(()),
             _ => Err(format!("`{line}` is no command that this test knows")),
         };
