@@ -114,8 +114,12 @@ impl<'a> Queue<'a> {
             let at = self.waiting.trailing_zeros() as usize % MAX_RAYS;
             self.waiting &= self.waiting - 1;
             let instance = OpaqueInstance::new(self.built, &self.traces[at], self.tlas, 0);
-            let Some(instance) = instance.filter(|instance| !instance.is_passed_by()) else { continue };
-            *way = Way::new(simd, instance, at);
+            *way = match instance {
+                Some(instance) if instance.is_passed_by() => continue,
+                Some(instance) => Way::new(simd, instance, at),
+                // The leaves are not tested as wholes in this precision.
+                None => None,
+            };
             if way.is_none() {
                 self.left |= 1 << at;
             }
