@@ -3,8 +3,9 @@
 use std::sync::Arc;
 
 use crate::accel::blas::Blas;
-use crate::accel::flags::InstanceFlags;
+use crate::accel::flags::{InstanceFlags, RayFlags};
 use crate::accel::motion::{Motion, or_identity};
+use crate::accel::rules::{is_culled_by_opacity, is_skipped, is_visible, skips_any};
 use crate::accel::transform::IDENTITY;
 
 /// An instance of a BLAS.
@@ -37,6 +38,15 @@ impl TlasInstance {
     /// Whether object space is world space at any time.
     pub fn is_identity(&self) -> bool {
         self.motion.is_none() && self.transform == IDENTITY
+    }
+
+    /// Whether the masks or the flags of a ray let it pass all of the instance, whose primitives are
+    /// opaque to it.
+    #[inline(always)]
+    pub(super) fn is_passed_by(&self, flags: RayFlags, cull_mask: u32) -> bool {
+        !is_visible(self.mask, cull_mask)
+            || is_culled_by_opacity(flags, true)
+            || skips_any(flags) && self.blas.kind().is_some_and(|kind| is_skipped(flags, kind))
     }
 
     /// Object to world at a time within 0 and 1 (`ObjectToWorldKHR`, row-major). The identity where

@@ -7,14 +7,10 @@ use crate::accel::built_blas::{BuiltBlas, LeafRay, PrimitiveBlocks, WholeBlock};
 use crate::accel::flags::InstanceFlags;
 use crate::accel::hit::{Candidate, Committed};
 use crate::accel::hit_queue::HitQueue;
-use crate::accel::instance::TlasInstance;
 use crate::accel::instance_ray::{InstanceLeafRay, InstanceRay};
 use crate::accel::node::NodeRef;
 use crate::accel::primitive_numbers::GeomPrim;
-use crate::accel::rules::{
-    apply_flip_facing, culls_faces, is_culled_by_face, is_culled_by_opacity, is_skipped, is_visible,
-    skips_any,
-};
+use crate::accel::rules::{apply_flip_facing, culls_faces, is_culled_by_face};
 use crate::accel::tlas::Tlas;
 use crate::accel::trace_ray::TraceRay;
 use crate::accel::trav_ray::{NodeLimit, Slabs};
@@ -139,11 +135,8 @@ impl<'a> OpaqueInstance<'a> {
     /// Whether the masks or the flags of the ray let it pass all of the instance.
     #[inline(always)]
     pub(super) fn is_passed_by(&self) -> bool {
-        let TlasInstance { blas, mask, .. } = &self.tlas.instances()[self.number as usize];
-        let flags = self.trace.flags;
-        !is_visible(*mask, self.trace.cull_mask)
-            || is_culled_by_opacity(flags, true)
-            || skips_any(flags) && blas.kind().is_some_and(|kind| is_skipped(flags, kind))
+        let TraceRay { flags, cull_mask, .. } = *self.trace;
+        self.tlas.instances()[self.number as usize].is_passed_by(flags, cull_mask)
     }
 
     /// The ray for tests of leaves, if it is well scaled and the instance stands in world space.

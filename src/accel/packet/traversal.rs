@@ -7,9 +7,7 @@ use crate::accel::instance_ray::InstanceRay;
 use crate::accel::node::NodeRef;
 use crate::accel::packet::ray_soa::{OctantGroup, PerRay, RaySoA};
 use crate::accel::packet::{MAX_RAYS, Packet, PacketHit};
-use crate::accel::rules::{
-    apply_flip_facing, is_culled_by_face, is_culled_by_opacity, is_skipped, is_visible,
-};
+use crate::accel::rules::{apply_flip_facing, is_culled_by_face};
 use crate::accel::tlas::{InstanceTransform, Tlas};
 use crate::accel::trace_ray::TraceRay;
 use crate::accel::wide_bvh::WideBvh;
@@ -249,10 +247,7 @@ impl PacketTraversal<'_> {
     fn enter_instance<E: LaneOps>(&mut self, simd: E, number: u32, rays: u64) {
         let instance = &self.tlas.instances()[number as usize];
         let TraceRay { flags, cull_mask, .. } = self.traces[0];
-        if !is_visible(instance.mask, cull_mask)
-            || instance.blas.kind().is_some_and(|kind| is_skipped(flags, kind))
-            || is_culled_by_opacity(flags, true)
-        {
+        if instance.is_passed_by(flags, cull_mask) {
             return;
         }
         let built = instance.blas.built();
