@@ -40,8 +40,8 @@ impl TlasInstance {
         self.motion.is_none() && self.transform == IDENTITY
     }
 
-    /// Whether the masks or the flags of a ray let it pass all of the instance, whose primitives are
-    /// opaque to it.
+    /// Whether the masks or the flags of a ray let it pass all of the instance, whose primitives
+    /// are opaque to it.
     #[inline(always)]
     pub(super) fn is_passed_by(&self, flags: RayFlags, cull_mask: u32) -> bool {
         !is_visible(self.mask, cull_mask)
