@@ -58,7 +58,7 @@ impl Dimension {
 }
 
 /// The shape of an image.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct ImageShape {
     /// The dimension: what its coordinates are.
     pub dimension: Dimension,

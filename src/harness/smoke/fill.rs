@@ -29,7 +29,7 @@ const MOST_STEPS: usize = 6;
 const LARGE: u64 = 1000;
 
 /// What integers are.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) enum Integers {
     /// 0, 1, 2 or 3; three in a row differ, so that no triangle has an index twice.
     Small,
@@ -40,7 +40,7 @@ pub(super) enum Integers {
 }
 
 /// What floats are.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) enum Floats {
     /// Uniform in [0, 1).
     Unit,
@@ -86,7 +86,7 @@ impl FillExtent {
 
 /// Numbers for everything that is no address: each follows from the seed, from where it stands (its
 /// root: a binding's element, say) and from its place there alone, whatever else is there.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) struct ValueSource {
     /// The seed.
     pub seed: u64,
@@ -161,6 +161,17 @@ struct Region {
     content: FillContent,
     /// The pointer types that lead here.
     steps: Vec<TypeId>,
+}
+
+/// Which values memory is given.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct MadeUpValues {
+    /// What numbers are.
+    pub numbers: ValueSource,
+    /// What could be an address.
+    pub wide: WideIntegers,
+    /// How large things are.
+    pub extent: FillExtent,
 }
 
 /// How much memory is made up for one launch, held against the module's limits.

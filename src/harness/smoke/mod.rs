@@ -25,6 +25,7 @@
 mod fill;
 mod grid;
 mod hits;
+mod images;
 mod judge;
 mod learned;
 mod one_run;
@@ -42,6 +43,7 @@ use std::time::{Duration, Instant};
 
 use crate::error::{Error, ErrorClass, ErrorKind, ErrorReport, Result};
 use crate::harness::blocks::Blocks;
+use crate::harness::smoke::images::MadeUpImages;
 use crate::harness::smoke::judge::Try;
 use crate::harness::smoke::one_run::Way;
 use crate::harness::smoke::subject::{EntryUnderTest, Progress};
@@ -144,11 +146,10 @@ impl SmokeReport {
     /// ```
     pub fn of(module: &Arc<Module>, options: SmokeOptions) -> Self {
         let deadline = options.time_limit.and_then(|limit| Instant::now().checked_add(limit));
+        let images = MadeUpImages::default();
         let entries = module.entry_points.iter();
-        Self {
-            seed: options.seed,
-            entry_points: entries.map(|entry| entry_point(module, entry, options, deadline)).collect(),
-        }
+        let reports = entries.map(|entry| entry_point(module, entry, options, deadline, &images));
+        Self { seed: options.seed, entry_points: reports.collect() }
     }
 }
 
@@ -157,6 +158,7 @@ fn entry_point(
     entry: &EntryPoint,
     options: SmokeOptions,
     deadline: Option<Instant>,
+    images: &MadeUpImages,
 ) -> EntryReport {
     let mut report = EntryReport {
         name: entry.name.clone(),
@@ -189,7 +191,8 @@ fn entry_point(
         }
     };
     let variables = module.interface_of(entry);
-    let subject = EntryUnderTest { module, entry, program, specialized: OnceCell::new(), variables, options };
+    let specialized = OnceCell::new();
+    let subject = EntryUnderTest { module, entry, program, specialized, variables, images, options };
     let mut progress = Progress {
         blocks: Blocks::of(module, entry),
         executed: SortedSet::new(),

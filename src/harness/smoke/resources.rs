@@ -5,17 +5,14 @@ use std::sync::atomic::Ordering::Relaxed;
 
 use crate::accel::Tlas;
 use crate::error::{Error, Result};
-use crate::harness::smoke::fill::{
-    FillContent, FillExtent, Filler, MadeUpBytes, PlaceId, ValueSource, WideIntegers, mix,
-};
-use crate::machine::format::{Class, Component, Format};
-use crate::machine::image::{Dimension, Image, ImageShape};
+use crate::harness::smoke::fill::{FillContent, Filler, MadeUpValues, PlaceId, ValueSource, mix};
+use crate::harness::smoke::images::MadeUpImages;
+use crate::machine::format::Class;
 use crate::machine::sampler::{CompareOp, Filter, Sampler};
 use crate::machine::{Binding, Buffer, Descriptor, Resources};
 use crate::module::Module;
 use crate::module::interface::InterfaceVariable;
-use crate::module::ty::{ImageType, Type, TypeId};
-use crate::ops::image::declared::declared_format;
+use crate::module::ty::{Type, TypeId};
 use crate::ops::pointer::storage;
 use crate::ops::translate::InterfaceRegisters;
 use crate::ops::translate::array_length;
@@ -26,21 +23,6 @@ use crate::sorted::{SortedMap, sort_by_key};
 const DESCRIPTORS: u32 = 16;
 /// Descriptors of an array that differ; the rest repeat them.
 const DISTINCT: u32 = 4;
-/// Width, height and depth of images at least, as far as they have them.
-const SIDE: u32 = 16;
-/// Texels of an image at most, whatever there are invocations.
-const MOST_TEXELS: u64 = 1 << 20;
-
-/// Which values memory is given.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct MadeUpValues {
-    /// What numbers are.
-    pub numbers: ValueSource,
-    /// What could be an address.
-    pub wide: WideIntegers,
-    /// How large things are.
-    pub extent: FillExtent,
-}
 
 /// Everything that one invocation is given.
 pub(super) struct Given {
@@ -68,6 +50,7 @@ pub(super) fn given(
     variables: &[InterfaceVariable],
     values: MadeUpValues,
     known: &SortedMap<PlaceId, FillContent>,
+    images: &MadeUpImages,
     tlas: &dyn Fn() -> Result<Arc<Tlas>>,
 ) -> Result<Given> {
     let module = &*program.module;
@@ -109,7 +92,7 @@ pub(super) fn given(
                 }
                 Type::Sampler => Descriptor::Sampler(Arc::new(sampler(false))),
                 Type::Image(image) => {
-                    let texels = made_up(module, image, numbers, root, extent, &mut filler.made);
+                    let texels = images.of(module, image, values, root, &mut filler.made);
                     match texels.map_err(named(variable))? {
                         Some(image) => Descriptor::Image(image),
                         None => continue,
@@ -117,7 +100,7 @@ pub(super) fn given(
                 }
                 Type::SampledImage(image) => {
                     let Type::Image(image) = module.ty(*image) else { continue };
-                    let texels = made_up(module, image, numbers, root, extent, &mut filler.made);
+                    let texels = images.of(module, image, values, root, &mut filler.made);
                     let Some(texels) = texels.map_err(named(variable))? else { continue };
                     let linear = texels.format().class() == Class::Float && !image.multisampled;
                     Descriptor::ImageSampler(texels, Arc::new(sampler(linear)))
@@ -375,96 +358,6 @@ fn sampler(linear: bool) -> Sampler {
         mipmap_mode: filter,
         compare_op: Some(CompareOp::LessOrEqual),
         ..Sampler::default()
-    }
-}
-
-/// An image of a type with random texels; `None` for a type that no descriptor has.
-fn made_up(
-    module: &Module,
-    image: &ImageType,
-    numbers: ValueSource,
-    root: u64,
-    extent: FillExtent,
-    made: &mut MadeUpBytes,
-) -> Result<Option<Arc<Image>>> {
-    let Some(shape) = shape(image, extent) else { return Ok(None) };
-    let format = format(module, image);
-    let size = format.texel_size() as usize;
-    made.add(module, shape.texels().saturating_mul(size as u64))?;
-    let mut bytes = Vec::with_capacity(shape.texels() as usize * size);
-    for at in 0..shape.texels() {
-        let places = [0, 1, 2, 3].map(|channel| 4 * at + channel);
-        let texel = match format.class() {
-            Class::Float => format.encode_numbers(places.map(|at| f64::from(numbers.float(root, at)))),
-            Class::Sint | Class::Uint => format.encode(places.map(|at| numbers.integer(root, at)), false),
-        };
-        bytes.extend_from_slice(&texel.to_le_bytes()[..size]);
-    }
-    Image::new(format, shape, &bytes).map(Some)
-}
-
-/// A shape with a texel for every invocation, as far as its dimension has axes for them.
-fn shape(image: &ImageType, extent: FillExtent) -> Option<ImageShape> {
-    let (dimension, axes, layers) = match (image.dim, image.arrayed) {
-        (0, false) => (Dimension::D1, 1, 1),
-        (0, true) => (Dimension::D1Array, 1, 4),
-        (1, false) => (Dimension::D2, 2, 1),
-        (1, true) => (Dimension::D2Array, 2, 4),
-        (2, false) => (Dimension::D3, 3, 1),
-        (3, false) => (Dimension::Cube, 2, 6),
-        (3, true) => (Dimension::CubeArray, 2, 12),
-        (5, false) => (Dimension::Buffer, 1, 1),
-        _ => return None,
-    };
-    // Vulkan has several samples for planes only (VUID-VkImageCreateInfo-samples-02257).
-    if image.multisampled && !matches!(dimension, Dimension::D2 | Dimension::D2Array) {
-        return None;
-    }
-    let invocations = extent.invocations;
-    // Retries with larger resources: 4 and 16 times the side.
-    let side = SIDE << (extent.scale.ilog2() / 3 * 2);
-    let mut sides = [1; 3];
-    for axis in 0..axes {
-        sides[axis] = side.max(invocations[axis]);
-    }
-    let layers = match dimension {
-        Dimension::D1Array => layers.max(invocations[1]),
-        Dimension::D2Array => layers.max(invocations[2]),
-        _ => layers,
-    };
-    if dimension == Dimension::Buffer {
-        sides[0] = extent.elements(1024) as u32;
-    }
-    if matches!(dimension, Dimension::Cube | Dimension::CubeArray) {
-        sides = [sides[0].max(sides[1]), sides[0].max(sides[1]), 1];
-    }
-    // The longest side gives way.
-    let texels = |sides: [u32; 3]| sides.iter().map(|&side| u64::from(side)).product::<u64>();
-    while texels(sides) * u64::from(layers) > MOST_TEXELS
-        && let Some(longest) = sides.iter_mut().max()
-        && *longest > SIDE
-    {
-        *longest /= 2;
-        if matches!(dimension, Dimension::Cube | Dimension::CubeArray) {
-            sides = [sides[0].min(sides[1]), sides[0].min(sides[1]), 1];
-        }
-    }
-    let samples = if image.multisampled { 4 } else { 1 };
-    let one_level = image.sampled == 2 || image.multisampled || dimension == Dimension::Buffer;
-    let levels = if one_level { 1 } else { sides.iter().max().map_or(1, |side| side.ilog2() + 1) };
-    Some(ImageShape { dimension, extent: sides, layers, levels, samples })
-}
-
-/// The format that an image type declares, or one that suits its component type.
-fn format(module: &Module, image: &ImageType) -> Format {
-    let integer = matches!(module.ty(image.sampled_type), Type::Int { .. });
-    match declared_format(module, image) {
-        format if image.format != 0 || format.is_wide() => format,
-        // Atomic instructions want a single component; no shader can tell that the rest lacks.
-        format if integer => Format { channels: 1, ..format },
-        format if image.depth == 1 => Format { channels: 1, ..format },
-        format if image.sampled == 2 => format,
-        _ => Format::new(Component::Unorm8, 4),
     }
 }
 

@@ -7,13 +7,14 @@ use std::time::Instant;
 use crate::error::{ErrorKind, Result};
 use crate::harness::blocks::Blocks;
 use crate::harness::side_by_side::unordered;
-use crate::harness::smoke::fill::{FillExtent, WideIntegers};
+use crate::harness::smoke::fill::{FillExtent, MadeUpValues, WideIntegers};
 use crate::harness::smoke::grid::{groups, launch_size};
 use crate::harness::smoke::hits::{self, SmokeGeometry};
+use crate::harness::smoke::images::MadeUpImages;
 use crate::harness::smoke::judge::Try;
 use crate::harness::smoke::learned::{Learned, SCALE_STEP, UsedMemory};
 use crate::harness::smoke::one_run::{Once, Way};
-use crate::harness::smoke::resources::{self, MadeUpValues};
+use crate::harness::smoke::resources::{self, Given};
 use crate::harness::smoke::sets::Set;
 use crate::harness::smoke::watch::{BlockRecorder, Happened, StandIn};
 use crate::harness::smoke::{SmokeOptions, specialized};
@@ -109,6 +110,8 @@ pub(super) struct EntryUnderTest<'a> {
     pub specialized: OnceCell<Vec<(String, Arc<Program>)>>,
     /// What it uses.
     pub variables: Vec<InterfaceVariable>,
+    /// The images of its module that are made up already.
+    pub images: &'a MadeUpImages,
     /// How to run it.
     pub options: SmokeOptions,
 }
@@ -192,8 +195,7 @@ impl EntryUnderTest<'_> {
                 scale: SCALE_STEP.pow(learned.scale_steps),
             };
             let values = MadeUpValues { numbers: set.numbers, wide, extent };
-            let scene = || hits::scene(learned.geometry);
-            let given = match resources::given(program, &self.variables, values, &learned.known, &scene) {
+            let given = match self.given(program, values, learned) {
                 Err(error) if error.kind() == ErrorKind::UnsupportedModule && learned.give_up_larger() => {
                     continue;
                 }
@@ -243,6 +245,12 @@ impl EntryUnderTest<'_> {
         }
     }
 
+    /// What it finds bound.
+    fn given(&self, program: &Program, values: MadeUpValues, learned: &Learned) -> Result<Given> {
+        let scene = || hits::scene(learned.geometry);
+        resources::given(program, &self.variables, values, &learned.known, self.images, &scene)
+    }
+
     /// Invocations of a launch along each axis: one alone, or as many as the shader tells apart.
     fn launch_size(&self, way: Way, is_single: bool) -> [u32; 3] {
         // Other stages than ray generation stand in a launch that has both axes.
@@ -272,8 +280,8 @@ impl EntryUnderTest<'_> {
         if learned.is_spent {
             return Ok(());
         }
-        let (program, scene) = (&self.program, || hits::scene(learned.geometry));
-        let given = resources::given(program, &self.variables, values, &learned.known, &scene)?;
+        let program = &self.program;
+        let given = self.given(program, values, learned)?;
         let mut stand_in = StandIn::new(program, watched.set.numbers);
         let (fuel, limits) = (self.options.fuel, self.options.launch_limits);
         let run = Once {
@@ -316,8 +324,7 @@ impl EntryUnderTest<'_> {
         }
         // Results do not matter here, and lanes are compared side by side.
         let program = &unordered(&Arc::new(program.unoptimized()?));
-        let scene = || hits::scene(learned.geometry);
-        let given = resources::given(program, &self.variables, values, &learned.known, &scene)?;
+        let given = self.given(program, values, learned)?;
         let mut stand_in = StandIn::new(program, tried.set.numbers);
         let (fuel, limits) = (self.options.fuel, self.options.launch_limits);
         let run = Once {
