@@ -8,7 +8,9 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::sync::LazyLock;
 
+use crate::support::program::scratch;
 use crate::support::skipped::{self, test_name};
 
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
@@ -104,6 +106,23 @@ struct Ran {
     steps: Vec<String>,
 }
 
+const ARCHIVE: &str = "anyhit-x86_64-unknown-linux-musl.tar.gz";
+
+/// A folder with the archive of a release, which is packed once for all tests.
+static RELEASE: LazyLock<PathBuf> = LazyLock::new(|| {
+    let releases = scratch("action-release");
+    let name = ARCHIVE.trim_end_matches(".tar.gz");
+    let packed = releases.join(name);
+    std::fs::create_dir(&packed).expect("a folder");
+    let program = std::env::var_os("ANYHIT_ACTION_PROGRAM");
+    let program = program.unwrap_or_else(|| env!("CARGO_BIN_EXE_anyhit").into());
+    std::fs::copy(program, packed.join("anyhit")).expect("the program");
+    let pack = format!("tar -cf - {name} | gzip -1 > {ARCHIVE} && sha256sum {ARCHIVE} > {ARCHIVE}.sha256");
+    let packed = Command::new("bash").args(["-o", "pipefail", "-c", &pack]).current_dir(&releases).status();
+    assert!(packed.expect("bash").success());
+    releases
+});
+
 /// A machine of GitHub with a checked-out project.
 struct Runner {
     folder: tempfile::TempDir,
@@ -116,15 +135,9 @@ impl Runner {
         for folder in ["workspace", "temp", "releases"] {
             std::fs::create_dir(runner.path(folder)).expect("a folder");
         }
-        let name = "anyhit-x86_64-unknown-linux-musl";
-        let packed = runner.path("releases").join(name);
-        std::fs::create_dir(&packed).expect("a folder");
-        let program = std::env::var_os("ANYHIT_ACTION_PROGRAM");
-        let program = program.unwrap_or_else(|| env!("CARGO_BIN_EXE_anyhit").into());
-        std::fs::copy(program, packed.join("anyhit")).expect("the program");
-        let pack = format!("tar -czf {name}.tar.gz {name} && sha256sum {name}.tar.gz > {name}.tar.gz.sha256");
-        let packed = Command::new("bash").arg("-c").arg(pack).current_dir(runner.path("releases")).status();
-        assert!(packed.expect("bash").success());
+        for file in [ARCHIVE.to_owned(), format!("{ARCHIVE}.sha256")] {
+            std::fs::copy(RELEASE.join(&file), runner.path("releases").join(&file)).expect("a copy");
+        }
         runner
     }
 
@@ -294,7 +307,6 @@ fn what_cannot_be_installed_is_told() {
         return;
     }
     let runner = Runner::new();
-    let archive = "anyhit-x86_64-unknown-linux-musl.tar.gz";
     for (environment, message) in [
         (&[("RUNNER_ARCH", "X86")][..], "there is no build for Linux on X86"),
         (&[("RUNNER_ARCH", "ARM64")], "anyhit-aarch64-unknown-linux-musl.tar.gz cannot be read"),
@@ -305,8 +317,8 @@ fn what_cannot_be_installed_is_told() {
         assert!(ran.out.contains("::error title=anyhit is not installed::"), "{}", ran.out);
         assert_eq!(ran.steps, ["Install anyhit"]);
     }
-    let sum = runner.path("releases").join(format!("{archive}.sha256"));
-    std::fs::write(sum, format!("{}  {archive}\n", "0".repeat(64))).expect("a file");
+    let sum = runner.path("releases").join(format!("{ARCHIVE}.sha256"));
+    std::fs::write(sum, format!("{}  {ARCHIVE}\n", "0".repeat(64))).expect("a file");
     let ran = runner.run(&[], &[]);
     assert!(!ran.well && ran.out.contains("has another SHA-256"), "{}", ran.out);
 }

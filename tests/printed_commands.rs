@@ -3,6 +3,7 @@
 
 use std::fs;
 use std::path::Path;
+use std::sync::LazyLock;
 
 use clap::error::ErrorKind;
 
@@ -32,12 +33,14 @@ fn shell_words(line: &str) -> Option<Vec<String>> {
     Some(words)
 }
 
+/// The names of all commands.
+static COMMANDS: LazyLock<Vec<String>> = LazyLock::new(|| {
+    let program = anyhit::internals::cli::command();
+    program.get_subcommands().map(|command| command.get_name().to_owned()).collect()
+});
+
 /// The command lines in a text, up to the end of the line or what a sentence quotes them with.
 fn command_lines(text: &str) -> Vec<&str> {
-    let commands: Vec<String> = anyhit::internals::cli::command()
-        .get_subcommands()
-        .map(|command| command.get_name().to_owned())
-        .collect();
     let mut found = Vec::new();
     for (at, _) in text.match_indices("anyhit ") {
         let before = text[..at].chars().next_back();
@@ -46,7 +49,7 @@ fn command_lines(text: &str) -> Vec<&str> {
         }
         let line = text[at..].split(['`', '\n']).next().unwrap_or_default();
         let first = line.split([' ', '.', ':', ',']).nth(1).unwrap_or_default();
-        if commands.iter().any(|command| command == first) {
+        if COMMANDS.iter().any(|command| command == first) {
             found.push(line.trim_end());
         }
     }
