@@ -57,7 +57,11 @@ impl BuildThreads {
     ) {
         match self {
             Self::One => list.extend((0..count).map(make)),
-            Self::Pool => list.par_extend((0..count).into_par_iter().map(make)),
+            Self::Pool => {
+                // Through a pointer: rayon would be instantiated for each closure.
+                let make: &(dyn Fn(usize) -> T + Sync) = &make;
+                list.par_extend((0..count).into_par_iter().map(make));
+            }
         }
     }
 
@@ -84,7 +88,22 @@ impl BuildThreads {
     pub(super) fn map<T: Send, R: Send>(self, items: Vec<T>, make: impl Fn(T) -> R + Sync + Send) -> Vec<R> {
         match self {
             Self::One => items.into_iter().map(make).collect(),
-            Self::Pool => items.into_par_iter().map(make).collect(),
+            Self::Pool => {
+                let mut made: Vec<Option<R>> = Vec::new();
+                made.resize_with(items.len(), || None);
+                let make = &make;
+                let jobs = items.into_iter().zip(&mut made);
+                run_all(jobs.map(|(item, to)| Box::new(|| *to = Some(make(item))) as Job<'_>).collect());
+                made.into_iter().flatten().collect()
+            }
         }
     }
+}
+
+/// Something that a thread of the pool does.
+type Job<'a> = Box<dyn FnOnce() + Send + 'a>;
+
+/// Does all of it. Jobs are called through pointers: rayon would be instantiated for each kind.
+fn run_all(jobs: Vec<Job<'_>>) {
+    jobs.into_par_iter().for_each(|job| job());
 }
