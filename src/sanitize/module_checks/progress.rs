@@ -3,7 +3,7 @@
 use rspirv::spirv::Op;
 use rustc_hash::{FxHashMap, FxHashSet};
 
-use crate::module::{BasicBlock, Definition, Function, Id, Instruction};
+use crate::module::{BasicBlock, Definition, Id, Instruction};
 use crate::ops::atomic;
 use crate::ops::pointer::storage;
 use crate::sanitize::module_checks::Fault;
@@ -16,10 +16,11 @@ const IMAGE: u32 = 11;
 pub(super) fn launch_order(code: &EntryCode<'_>, faults: &mut Vec<Fault>) {
     let functions = code.module.call_tree(code.entry.function);
     for function in functions.into_iter().map(|function| &code.module.functions[function as usize]) {
+        let blocks: Blocks = function.blocks.iter().map(|block| (block.label, block)).collect();
         for header in &function.blocks {
             let merge = header.instructions.iter().find(|one| one.opcode == Op::LoopMerge as u16);
             let Some(&merge) = merge.and_then(|merge| code.module.operands(merge).first()) else { continue };
-            let one = Loop::new(code, function, header, Id(merge));
+            let one = Loop::new(code, &blocks, header, Id(merge));
             if let Some(waits) = one.waits_for() {
                 let name = code.describe(waits.variable);
                 let message = format!("the loop ends only when another invocation writes {name}");
@@ -28,6 +29,9 @@ pub(super) fn launch_order(code: &EntryCode<'_>, faults: &mut Vec<Fault>) {
         }
     }
 }
+
+/// The blocks of a function by their labels.
+type Blocks<'a> = FxHashMap<Id, &'a BasicBlock>;
 
 /// What a loop waits for.
 struct Waits {
@@ -49,7 +53,7 @@ struct Loop<'a> {
 }
 
 impl<'a> Loop<'a> {
-    fn new(code: &'a EntryCode<'a>, function: &'a Function, header: &'a BasicBlock, merge: Id) -> Self {
+    fn new(code: &'a EntryCode<'a>, blocks: &Blocks<'a>, header: &'a BasicBlock, merge: Id) -> Self {
         let mut one = Self {
             code,
             merge,
@@ -57,7 +61,7 @@ impl<'a> Loop<'a> {
             stores: FxHashMap::default(),
             exits: Vec::new(),
         };
-        let block = |label: Id| function.blocks.iter().find(|block| block.label == label);
+        let block = |label: Id| blocks.get(&label).copied();
         let (mut open, mut seen) = (vec![header], FxHashSet::from_iter([header.label, merge]));
         while let Some(next) = open.pop() {
             for instruction in &next.instructions {
