@@ -26,11 +26,11 @@ impl Buffer {
 
     /// A buffer that holds these bytes.
     pub fn new(bytes: &[u8]) -> Arc<Self> {
-        let words = bytes.chunks(4).map(|chunk| {
-            let mut word = [0; 4];
-            word[..chunk.len()].copy_from_slice(chunk);
-            AtomicU32::new(u32::from_le_bytes(word))
-        });
+        let (words, rest) = bytes.as_chunks();
+        let mut last = [0; 4];
+        last[..rest.len()].copy_from_slice(rest);
+        let last = (!rest.is_empty()).then_some(&last);
+        let words = words.iter().chain(last).map(|word| AtomicU32::new(u32::from_le_bytes(*word)));
         Self::whole(words.collect(), bytes.len() as u64)
     }
 
