@@ -95,29 +95,29 @@ fn run_superops<const W: usize, V: LaneOps>(
     while let Some(superop) = rest.next() {
         // A `match` of the opcode: these arms, and those of the list.
         for_each_superop! { match_opcode (acc, registers, superop) {
-            opcodes::Move::NO_ACC => apply::<W, functions::Move, 0, false, 0, 0>(acc, registers, superop),
+            opcodes::Move::NO_ACC => apply::<W, V, functions::Move, 0, false, 0, 0>(acc, registers, superop),
             opcodes::Move::ACC_FIRST => {}
-            opcodes::Move::NO_ACC_STORED => apply::<W, functions::Move, 0, true, 0, 0>(acc, registers, superop),
-            opcodes::Move::ACC_FIRST_STORED => apply::<W, functions::Move, 1, true, 0, 0>(acc, registers, superop),
+            opcodes::Move::NO_ACC_STORED => apply::<W, V, functions::Move, 0, true, 0, 0>(acc, registers, superop),
+            opcodes::Move::ACC_FIRST_STORED => apply::<W, V, functions::Move, 1, true, 0, 0>(acc, registers, superop),
             opcodes::MoveMasked::NO_ACC_STORED => store::<W, 0>(acc, registers, superop, running),
             opcodes::MoveMasked::ACC_FIRST_STORED => store::<W, 1>(acc, registers, superop, running),
             opcodes::CanonicalizeNanMasked::ACC_FIRST_STORED => {
-                apply::<W, functions::CanonicalizeNan, 1, false, 0, 0>(acc, registers, superop);
+                apply::<W, V, functions::CanonicalizeNan, 1, false, 0, 0>(acc, registers, superop);
                 store::<W, 1>(acc, registers, superop, running);
             }
             opcodes::FToS::NO_ACC => to_integers::<W, V, 0, false>(vectors, acc, registers, superop),
             opcodes::FToS::NO_ACC_STORED => to_integers::<W, V, 0, true>(vectors, acc, registers, superop),
             opcodes::FToS::ACC_FIRST => to_integers::<W, V, 1, false>(vectors, acc, registers, superop),
             opcodes::FToS::ACC_FIRST_STORED => to_integers::<W, V, 1, true>(vectors, acc, registers, superop),
-            opcodes::Square::ACC_FIRST => apply::<W, functions::Square, 1, false, 0, 0>(acc, registers, superop),
+            opcodes::Square::ACC_FIRST => apply::<W, V, functions::Square, 1, false, 0, 0>(acc, registers, superop),
             opcodes::Square::ACC_FIRST_STORED => {
-                apply::<W, functions::Square, 1, true, 0, 0>(acc, registers, superop);
+                apply::<W, V, functions::Square, 1, true, 0, 0>(acc, registers, superop);
             }
             opcodes::CanonicalizeNan::ACC_FIRST => {
-                apply::<W, functions::CanonicalizeNan, 1, false, 0, 0>(acc, registers, superop);
+                apply::<W, V, functions::CanonicalizeNan, 1, false, 0, 0>(acc, registers, superop);
             }
             opcodes::CanonicalizeNan::ACC_FIRST_STORED => {
-                apply::<W, functions::CanonicalizeNan, 1, true, 0, 0>(acc, registers, superop);
+                apply::<W, V, functions::CanonicalizeNan, 1, true, 0, 0>(acc, registers, superop);
             }
         } else {
             return superops.len() - rest.len() - 1

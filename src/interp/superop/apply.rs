@@ -14,10 +14,15 @@ pub(super) type DirectRegisters<const W: usize> = [Lanes<W>; DIRECT_REGISTERS];
 /// in its register, too. Operands whose bit is set in `UNIFORM` are the same in all lanes: one word
 /// is read of each, and kept in a vector register. Those whose bit is set in `SHIFT_AMOUNTS` are
 /// shift amounts less than 32.
+///
+/// The loop over superinstructions is the only caller of each instance, one for each `V`: so it is
+/// inlined without `always`, after its own loops were optimised. Inlined before, each pass over
+/// each of them looks at the loop with all its arms, which takes a quarter of compiling the crate.
 #[allow(clippy::needless_range_loop, reason = "the shape that is vectorised")]
-#[inline(always)]
+#[inline]
 pub(super) fn apply<
     const W: usize,
+    V: LaneOps,
     F: WordFunction,
     const ACC_OPERAND: usize,
     const STORED: bool,
