@@ -16,7 +16,7 @@ use crate::ops::image::declared::declared_format;
 const SIDE: u32 = 16;
 /// Texels of an image at most, whatever there are invocations.
 const MOST_TEXELS: u64 = 1 << 20;
-/// `Sampled` of an `OpTypeImage` that is used with a sampler, which no instruction writes to.
+/// `Sampled` of an `OpTypeImage` that is used with a sampler: no valid module writes to it.
 const SAMPLED: u32 = 1;
 /// Bytes of the images that are kept.
 const MOST_KEPT: u64 = 1 << 26;
