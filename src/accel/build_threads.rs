@@ -57,11 +57,7 @@ impl BuildThreads {
     ) {
         match self {
             Self::One => list.extend((0..count).map(make)),
-            Self::Pool => {
-                // Through a pointer: rayon would be instantiated for each closure.
-                let make: &(dyn Fn(usize) -> T + Sync) = &make;
-                list.par_extend((0..count).into_par_iter().map(make));
-            }
+            Self::Pool => list.par_extend((0..count).into_par_iter().map(make)),
         }
     }
 

@@ -61,7 +61,7 @@ impl MadeUpImages {
         let key = ImageKey { numbers: values.numbers, root, format: format(module, image), shape };
         let bytes = shape.texels().saturating_mul(u64::from(key.format.texel_size()));
         made.add(module, bytes)?;
-        if image.sampled != SAMPLED {
+        if image.sampled != SAMPLED || bytes > MOST_KEPT {
             return key.image().map(Some);
         }
         if let Some(kept) = self.kept.borrow().images.get(&key) {
@@ -69,7 +69,7 @@ impl MadeUpImages {
         }
         let new = key.image()?;
         let mut kept = self.kept.borrow_mut();
-        if kept.bytes.saturating_add(bytes) > MOST_KEPT {
+        if kept.bytes + bytes > MOST_KEPT {
             *kept = KeptImages::default();
         }
         kept.bytes += bytes;

@@ -19,6 +19,7 @@ pub(super) type DirectRegisters<const W: usize> = [Lanes<W>; DIRECT_REGISTERS];
 /// inlined without `always`, after its own loops were optimised. Inlined before, each pass over
 /// each of them looks at the loop with all its arms, which takes a quarter of compiling the crate.
 #[allow(clippy::needless_range_loop, reason = "the shape that is vectorised")]
+#[allow(clippy::extra_unused_type_parameters, reason = "an instance for each caller")]
 #[inline]
 pub(super) fn apply<
     const W: usize,
