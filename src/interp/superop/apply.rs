@@ -17,7 +17,7 @@ pub(super) type DirectRegisters<const W: usize> = [Lanes<W>; DIRECT_REGISTERS];
 ///
 /// The loop over superinstructions is the only caller of each instance, one for each `V`: so it is
 /// inlined without `always`, after its own loops were optimised. Inlined before, each pass over
-/// each of them looks at the loop with all its arms, which takes a quarter of compiling the crate.
+/// each of them looks at the loop with all its arms, which took a quarter of a debug build.
 #[allow(clippy::needless_range_loop, reason = "the shape that is vectorised")]
 #[allow(clippy::extra_unused_type_parameters, reason = "an instance for each caller")]
 #[inline]
