@@ -8,6 +8,8 @@
 mod rays;
 mod rules;
 
+use std::borrow::Cow;
+
 use crate::error::Result;
 use crate::module::names::{ext_inst_name, extensions_of, opcode_name};
 use crate::module::ty::{Type, TypeId};
@@ -112,9 +114,9 @@ pub fn check(translator: &Translator<'_>, number: u16, instruction: &Instruction
                 return Ok(());
             }
             let Some(rule) = glsl(number) else { return Ok(()) };
-            let name = ext_inst_name(set, number);
+            let name = InstructionName::Extended { set, number };
             if operands.len() != rule.operands.len() {
-                let count = rule.operands.len();
+                let (name, count) = (name.text(), rule.operands.len());
                 return Err(
                     translator.invalid(format!("{name} takes {count} operands, not {}", operands.len()))
                 );
@@ -123,10 +125,10 @@ pub fn check(translator: &Translator<'_>, number: u16, instruction: &Instruction
         }
         _ => {
             let Some(rule) = core(number).or_else(|| ray(number)) else { return Ok(()) };
-            (rule, operands, opcode_name(number))
+            (rule, operands, InstructionName::Opcode(number))
         }
     };
-    let mut checker = PositionChecker { translator, name: &name, types: [None; MAX_POSITIONS], count: 0 };
+    let mut checker = PositionChecker { translator, name, types: [None; MAX_POSITIONS], count: 0 };
     if rule.result != TypeConstraint::Any {
         let ty = translator.result_type(instruction)?;
         checker.position(rule.result, ty)?;
@@ -157,13 +159,29 @@ fn section_of(name: &str) -> String {
     }
 }
 
+/// The name of an instruction, which only errors need.
+#[derive(Clone, Copy)]
+enum InstructionName<'m> {
+    Opcode(u16),
+    Extended { set: &'m str, number: u32 },
+}
+
+impl InstructionName<'_> {
+    fn text(self) -> Cow<'static, str> {
+        match self {
+            Self::Opcode(number) => opcode_name(number),
+            Self::Extended { set, number } => ext_inst_name(set, number),
+        }
+    }
+}
+
 /// The most positions that a rule has.
 const MAX_POSITIONS: usize = 12;
 
 /// The positions so far of an instruction that is checked.
 struct PositionChecker<'a, 'm> {
     translator: &'a Translator<'m>,
-    name: &'a str,
+    name: InstructionName<'m>,
     types: [Option<TypeId>; MAX_POSITIONS],
     count: usize,
 }
@@ -184,7 +202,7 @@ impl PositionChecker<'_, '_> {
         }
         let module = self.translator.module;
         let found = module.describe_type(ty);
-        let name = self.name;
+        let name = &*self.name.text();
         let needed = self.describe(constraint);
         let which = if at == 0 { "the result".to_owned() } else { format!("operand {at}") };
         let message = format!("{which} of {name} is of type {found}, where {needed} must be");
