@@ -98,8 +98,11 @@ impl BinnedSahBuilder {
     /// The records that [`Self::divide`] made last, in the order of their ranges.
     #[inline(always)]
     pub(super) fn children(&self) -> Children {
-        let at = |slot: usize| self.order.get(slot).map_or(0, |&at| usize::from(at));
-        Children { records: std::array::from_fn(|slot| self.records[at(slot)]), count: self.order.len() }
+        let mut records = [self.records[0]; WIDTH];
+        for (slot, &at) in self.order.iter().enumerate() {
+            records[slot] = self.records[usize::from(at)];
+        }
+        Children { records, count: self.order.len() }
     }
 
     /// Divides at least two references, those of `whole`, among the children of a node, reordering

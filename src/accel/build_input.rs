@@ -11,6 +11,7 @@ use crate::accel::element_format::word;
 use crate::accel::geometry_data::{EndCaps, GeometryData, Indexing};
 use crate::accel::strided::StridedLayout;
 use crate::error::{Error, ErrorKind, Result};
+use crate::math::array;
 
 pub use crate::accel::element_format::{IndexType, RadiusFormat, VertexFormat, snorm16};
 pub use crate::accel::strided::Strided;
@@ -289,7 +290,7 @@ pub fn aabbs(boxes: Strided<'_>, range: BuildRange) -> Result<GeometryData> {
         let bytes = layout.element(boxes.bytes, at).map_err(|end| {
             invalid(format!("box {at} ends at byte {end} of a buffer of {}", boxes.bytes.len()))
         })?;
-        Ok(std::array::from_fn(|corner| f32::from_le_bytes(word(bytes, 4 * corner))))
+        Ok(array::from_fn(|corner| f32::from_le_bytes(word(bytes, 4 * corner))))
     };
     Ok(GeometryData::Aabbs((0..count).map(read).collect::<Result<_>>()?))
 }

@@ -15,6 +15,7 @@ use crate::accel::rules::{is_culled_by_opacity, is_opaque, is_skipped, is_visibl
 use crate::accel::tlas::Tlas;
 use crate::accel::trace_ray::TraceRay;
 use crate::geometry::aabb;
+use crate::math::array;
 use crate::math::random::Random;
 
 /// A candidate comes a second time once in so many.
@@ -134,12 +135,12 @@ fn missed_boxes(hits: &[Candidate], tlas: &Tlas, trace: &TraceRay, random: &mut 
             }
             for (primitive, &[ax, ay, az, bx, by, bz]) in (0..).zip(boxes) {
                 let (min, max) = ([ax, ay, az], [bx, by, bz]);
-                let sides: [f32; 3] = std::array::from_fn(|axis| max[axis] - min[axis]);
+                let sides: [f32; 3] = array::from_fn(|axis| max[axis] - min[axis]);
                 if !sides.iter().all(|&side| side >= 0.0) {
                     continue;
                 }
                 let by = sides.into_iter().fold(0.0, f32::max) * ENLARGED_BY;
-                let (min, max) = (min.map(|side| side - by), max.map(|side| side + by));
+                let (min, max) = (array::map(min, |side| side - by), array::map(max, |side| side + by));
                 let Some(intersection) = aabb::intersect(&ray, min, max, tlas.precision()) else { continue };
                 let candidate = Candidate { instance: number, geometry, primitive, intersection, opaque };
                 let is_hit = hits.iter().any(|hit| hit.hit_primitive() == candidate.hit_primitive());

@@ -2,6 +2,8 @@
 
 use half::f16;
 
+use crate::math::array;
+
 /// `VkFormat` of vertices: the formats that Vulkan requires for acceleration structures, and the
 /// three-component ones of 16 bits. A missing z is 0, a fourth component is not read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -78,7 +80,7 @@ impl VertexFormat {
     /// Widens an element to floats.
     pub(super) fn read(self, bytes: &[u8]) -> [f32; 3] {
         let (component, count) = self.parts();
-        std::array::from_fn(|at| match component {
+        array::from_fn(|at| match component {
             _ if at >= count => 0.0,
             Component::Sfloat32 => f32::from_le_bytes(word(bytes, 4 * at)),
             Component::Sfloat16 => f16::from_le_bytes(word(bytes, 2 * at)).into(),
@@ -123,7 +125,7 @@ pub fn snorm16(word: i16) -> f32 {
 
 /// Some bytes, from one on.
 pub(super) fn word<const N: usize>(bytes: &[u8], at: usize) -> [u8; N] {
-    std::array::from_fn(|byte| bytes[at + byte])
+    array::from_fn(|byte| bytes[at + byte])
 }
 
 #[cfg(test)]

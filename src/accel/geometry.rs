@@ -7,6 +7,7 @@ use crate::accel::geometry_data::GeometryData;
 use crate::accel::micromap::OpacityMicromap;
 use crate::accel::motion::interpolate;
 use crate::accel::primitive::{Primitive, triangle};
+use crate::math::array;
 
 /// One geometry of a BLAS.
 #[derive(Clone, Debug, PartialEq)]
@@ -67,13 +68,13 @@ impl Geometry {
         else {
             return None;
         };
-        Some([vertices, &later[..]].map(|all| triangle(all, indices, transform, primitive)))
+        Some(array::map([vertices, &later[..]], |all| triangle(all, indices, transform, primitive)))
     }
 }
 
 /// Interpolates the vertices of a triangle between its two motion keys.
 pub(super) fn interpolate_triangle([first, second]: &[[[f32; 3]; 3]; 2], time: f32) -> [[f32; 3]; 3] {
-    std::array::from_fn(|corner| {
-        std::array::from_fn(|axis| interpolate(first[corner][axis], second[corner][axis], time))
+    array::from_fn(|corner| {
+        array::from_fn(|axis| interpolate(first[corner][axis], second[corner][axis], time))
     })
 }

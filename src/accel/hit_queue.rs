@@ -24,12 +24,14 @@ impl PartialEq for QueuedCandidate {
 impl Eq for QueuedCandidate {}
 
 impl PartialOrd for QueuedCandidate {
+    #[inline]
     fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
         Some(self.cmp(other))
     }
 }
 
 impl Ord for QueuedCandidate {
+    #[inline]
     fn cmp(&self, other: &Self) -> Ordering {
         self.key().partial_cmp(&other.key()).expect("bug in anyhit: a hit's t is NaN")
     }
@@ -76,6 +78,7 @@ impl HitQueue {
     }
 
     /// Whether a candidate was returned already, and is found again in another leaf.
+    #[inline]
     pub(super) fn was_presented(&self, queued: &QueuedCandidate) -> bool {
         self.last_presented.is_some_and(|last| queued.key() <= last)
     }
@@ -142,6 +145,7 @@ impl HitQueue {
         self.any_opaque_hit_ends && self.closest_opaque.is_some()
     }
 
+    #[inline]
     pub(super) fn is_behind(&self, queued: &QueuedCandidate) -> bool {
         [&self.closest_opaque, &self.committed].into_iter().flatten().any(|other| other.key() < queued.key())
     }

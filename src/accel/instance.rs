@@ -36,6 +36,7 @@ impl TlasInstance {
     }
 
     /// Whether object space is world space at any time.
+    #[inline]
     pub fn is_identity(&self) -> bool {
         self.motion.is_none() && self.transform == IDENTITY
     }

@@ -22,6 +22,7 @@
 //! hits the instance.
 
 use crate::accel::transform::{IDENTITY, round_sum};
+use crate::math::array;
 use crate::math::error_bound::{product_error, quotient_error, two_units};
 use crate::math::exact::Dyadic;
 use crate::math::surd::Surd;
@@ -228,7 +229,7 @@ fn srt_at(keys: &[Srt; 2], time: f32) -> Option<Matrix> {
             let BoundedF64 { value, error } = entry(&near, &scaled_rotation, &norm, row, column);
             let quotient = value / norm.value;
             let error = quotient_error(quotient, error, norm.value, norm.error);
-            let [below, above] = [quotient - error, quotient + error].map(|x| x as f32 + 0.0);
+            let [below, above] = array::map([quotient - error, quotient + error], |x| x as f32 + 0.0);
             *to = if below == above {
                 below
             } else {

@@ -19,6 +19,7 @@
 
 use crate::accel::motion::{Matrix, Motion, Q, S, Srt, T};
 use crate::geometry::Bounds;
+use crate::math::array;
 use crate::math::error_bound::{round_down, round_up};
 
 /// The number of intervals into which time is divided.
@@ -50,7 +51,7 @@ fn matrix_bounds(around: &Bounds, keys: &[Matrix; 2]) -> Bounds {
     let max_abs = max_abs(around);
     widened(&ends, |row| {
         let magnitude = |column: usize| f64::from(keys[0][row][column].abs().max(keys[1][row][column].abs()));
-        slack(std::array::from_fn(magnitude), max_abs)
+        slack(array::from_fn(magnitude), max_abs)
     })
 }
 
@@ -61,13 +62,13 @@ fn widened(bounds: &Bounds, by: impl Fn(usize) -> f64) -> Bounds {
         if moved.is_nan() { f64::from(infinite) } else { moved }
     };
     Bounds {
-        min: std::array::from_fn(|i| round_down(side(bounds.min[i], -by(i), f32::NEG_INFINITY))),
-        max: std::array::from_fn(|i| round_up(side(bounds.max[i], by(i), f32::INFINITY))),
+        min: array::from_fn(|i| round_down(side(bounds.min[i], -by(i), f32::NEG_INFINITY))),
+        max: array::from_fn(|i| round_up(side(bounds.max[i], by(i), f32::INFINITY))),
     }
 }
 
 /// The interval from `low` to `high`.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 struct Interval {
     low: f64,
     high: f64,
@@ -122,9 +123,9 @@ fn srt_bounds(around: &Bounds, keys: &[Srt; 2]) -> Bounds {
     let mut low = [f64::INFINITY; 3];
     let mut high = [f64::NEG_INFINITY; 3];
     for interval in 0..TIME_INTERVALS {
-        let ends = [interval, interval + 1].map(|at| f64::from(at) / f64::from(TIME_INTERVALS));
-        let ranges: [Interval; 16] = std::array::from_fn(|at| {
-            let [a, b] = [numbers[0][at], numbers[1][at]].map(f64::from);
+        let ends = array::map([interval, interval + 1], |at| f64::from(at) / f64::from(TIME_INTERVALS));
+        let ranges: [Interval; 16] = array::from_fn(|at| {
+            let [a, b] = array::map([numbers[0][at], numbers[1][at]], f64::from);
             // Two roundings of sums of at most |a| + |b|.
             let slack = (a.abs() + b.abs()) * 2f64.powi(-50);
             let range = Interval::of(a - ends[0] * a + ends[0] * b, a - ends[1] * a + ends[1] * b);
@@ -135,7 +136,7 @@ fn srt_bounds(around: &Bounds, keys: &[Srt; 2]) -> Bounds {
             high[row] = high[row].max(image.high);
         }
     }
-    let columns: [f64; 4] = std::array::from_fn(|column| {
+    let columns: [f64; 4] = array::from_fn(|column| {
         let entries = S.iter().filter_map(|row| row[column]);
         let squares = entries.map(|at| f64::from(numbers[0][at].abs().max(numbers[1][at].abs())).powi(2));
         squares.sum::<f64>().sqrt()
@@ -146,14 +147,14 @@ fn srt_bounds(around: &Bounds, keys: &[Srt; 2]) -> Bounds {
         slack([columns[0], columns[1], columns[2], columns[3] + moved], max_abs)
     };
     Bounds {
-        min: std::array::from_fn(|row| round_down(low[row] - by(row))),
-        max: std::array::from_fn(|row| round_up(high[row] + by(row))),
+        min: array::from_fn(|row| round_down(low[row] - by(row))),
+        max: array::from_fn(|row| round_up(high[row] + by(row))),
     }
 }
 
 /// R S x + T for all x of a box and all numbers of the ranges.
 fn images(around: &Bounds, ranges: &[Interval; 16]) -> [Interval; 3] {
-    let scaled: [Interval; 3] = std::array::from_fn(|k| {
+    let scaled: [Interval; 3] = array::from_fn(|k| {
         let sides = (0..3).filter_map(|j| {
             let side = Interval::of(around.min[j].into(), around.max[j].into());
             S[k][j].map(|at| ranges[at].times(side))
@@ -163,8 +164,8 @@ fn images(around: &Bounds, ranges: &[Interval; 16]) -> [Interval; 3] {
     });
     let length = scaled.iter().map(|v| v.magnitude().powi(2)).sum::<f64>().sqrt();
     let length = length * (1.0 + 2f64.powi(-48));
-    let [x, y, z, w] = [0, 1, 2, 3].map(|at| ranges[Q + at]);
-    let [xx, yy, zz, ww] = [x, y, z, w].map(Interval::square);
+    let [x, y, z, w] = array::map([0, 1, 2, 3], |at| ranges[Q + at]);
+    let [xx, yy, zz, ww] = array::map([x, y, z, w], Interval::square);
     let norm = xx.plus(yy).plus(zz).plus(ww);
     let double = |range: Interval| range.plus(range);
     let sum = |a: Interval, b: Interval, c: Interval, d: Interval| double(a.times(b).plus(c.times(d)));
@@ -183,7 +184,7 @@ fn images(around: &Bounds, ranges: &[Interval; 16]) -> [Interval; 3] {
             Interval { low: -1.0, high: 1.0 }
         }
     };
-    std::array::from_fn(|row| {
+    array::from_fn(|row| {
         let terms = (0..3).map(|k| entry(scaled_rotation[row][k]).times(scaled[k]));
         let image = terms.reduce(Interval::plus).expect("bug in anyhit: three terms");
         image.clamped(length).plus(ranges[T + row])
@@ -213,7 +214,7 @@ mod tests {
         for &time in times {
             let Some(matrix) = motion.at(time) else { continue };
             for corner in 0..9 {
-                let point: [f64; 3] = std::array::from_fn(|axis| match (corner, corner >> axis & 1) {
+                let point: [f64; 3] = array::from_fn(|axis| match (corner, corner >> axis & 1) {
                     (8, _) => 0.5 * f64::from(around.min[axis] + around.max[axis]),
                     (_, 0) => around.min[axis].into(),
                     _ => around.max[axis].into(),

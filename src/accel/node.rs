@@ -25,17 +25,20 @@ const INDEX_BITS: u32 = u32::BITS - COUNT_BITS;
 
 impl NodeRef {
     /// Makes the reference to an inner node.
+    #[inline]
     pub(super) fn inner(node: usize) -> Self {
         Self::pack(node, 0)
     }
 
     /// Makes the reference to a leaf of up to 7 primitives. Leaves start at multiples of the tree's
     /// leaf size in tree order; `index` counts in those multiples.
+    #[inline]
     pub(super) fn leaf(index: usize, count: usize) -> Self {
         assert!((1..1 << COUNT_BITS).contains(&count), "bug in anyhit: a leaf of {count} primitives");
         Self::pack(index, count)
     }
 
+    #[inline]
     fn pack(index: usize, count: usize) -> Self {
         assert!(index < 1 << INDEX_BITS, "bug in anyhit: a BVH of too many nodes");
         Self((count << INDEX_BITS | index) as u32)

@@ -2,6 +2,7 @@
 
 use crate::accel::geometry_data::{EndCaps, GeometryData, Indexing};
 use crate::accel::transform::transform_point;
+use crate::math::array;
 
 /// The data of one primitive in object space, as the intersectors and the hit builtins take it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -106,8 +107,8 @@ fn linear_swept_sphere(
 ) -> Primitive {
     let end_vertices = end_vertices(indices, indexing, at);
     Primitive::LinearSweptSphere {
-        positions: end_vertices.map(|end| positions[end]),
-        radii: end_vertices.map(|end| radii[end]),
+        positions: array::map(end_vertices, |end| positions[end]),
+        radii: array::map(end_vertices, |end| radii[end]),
         caps: caps(indices.as_deref(), indexing, end_caps, at),
     }
 }

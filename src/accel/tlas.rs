@@ -157,6 +157,7 @@ impl Tlas {
     }
 
     /// Whether no ray with these flags ever has a candidate for a shader to decide on.
+    #[inline]
     pub fn is_fully_opaque(&self, flags: RayFlags) -> bool {
         let opaque = self.opaque.get_or_init(|| {
             self.instances.iter().all(|instance| {
@@ -248,6 +249,7 @@ impl Tlas {
     /// The BVH over the instances' world-space boxes, and the instances in tree order; `None` for a
     /// [linear list](Tlas::is_linear), and if nothing in any of them can be hit. Built on first
     /// use; of a BLAS it needs only the bounds.
+    #[inline]
     pub(super) fn bvh(&self) -> Option<&(WideBvh, Vec<u32>)> {
         if self.is_linear() {
             return None;

@@ -26,7 +26,7 @@ impl TraceRay {
     #[inline]
     pub fn check(&self) -> Result<(), RayRule> {
         let Ray { origin, direction, t_min, t_max } = self.ray;
-        let finite = origin.iter().chain(&direction).all(|value| value.is_finite());
+        let finite = [origin, direction].as_flattened().iter().all(|value| value.is_finite());
         let interval = t_min >= 0.0 && t_min <= t_max;
         let time = (0.0..=1.0).contains(&self.time);
         let exclusive = |bits: u32| (self.flags.0 & bits).count_ones() <= 1;

@@ -6,12 +6,14 @@
 //! arithmetic", 1997) and rounded to odd in f64 first, which makes the second rounding to f32 right
 //! (Boldo and Melquiond, "Emulation of FMA and correctly rounded sums", 2008).
 
+use crate::math::array;
+
 /// The identity as a row-major 3x4 matrix.
 pub(super) const IDENTITY: [[f32; 4]; 3] = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
 
 /// The correctly rounded image of a point under a row-major 3x4 matrix.
 pub(super) fn transform_point(matrix: &[[f32; 4]; 3], point: [f32; 3]) -> [f32; 3] {
-    matrix.map(|row| {
+    array::map(*matrix, |row| {
         let product = |k: usize| f64::from(row[k]) * f64::from(point[k]);
         round_sum([product(0), product(1), product(2), f64::from(row[3])])
     })

@@ -6,6 +6,7 @@ use crate::accel::build_threads::{BuildThreads, CHUNK};
 use crate::accel::prim_ref::{INFINITY_PROXY, PrimRef};
 use crate::accel::trav_ray::{round_down, round_up};
 use crate::geometry::Bounds;
+use crate::math::array;
 use crate::math::f32x4::F32x4;
 
 /// Scales boxes into the unit cube; returns the box around all as it was, and the scale.
@@ -53,7 +54,7 @@ fn scale_of(boxes: &[PrimRef], around: &Bounds) -> f64 {
 pub(super) fn scaled(prim_ref: &PrimRef, scale: f64) -> PrimRef {
     let factor = scale as f32;
     let corners = [prim_ref.low(), prim_ref.negated_high()];
-    let scaled = corners.map(|corner| corner * F32x4::splat(factor));
+    let scaled = array::map(corners, |corner| corner * F32x4::splat(factor));
     // Exact where no number is infinite or subnormal.
     let exact = |corner: F32x4, scaled: F32x4| {
         let normal = scaled.abs().cmp_ge(F32x4::splat(f32::MIN_POSITIVE));
@@ -65,7 +66,7 @@ pub(super) fn scaled(prim_ref: &PrimRef, scale: f64) -> PrimRef {
     }
     let inside = |x: f32| if x.is_finite() { x } else { INFINITY_PROXY.copysign(x) };
     let Bounds { min, max } = prim_ref.bounds();
-    let min = min.map(|x| inside(round_down(f64::from(x) * scale)));
-    let max = max.map(|x| inside(round_up(f64::from(x) * scale)));
+    let min = array::map(min, |x| inside(round_down(f64::from(x) * scale)));
+    let max = array::map(max, |x| inside(round_up(f64::from(x) * scale)));
     PrimRef::new(&Bounds { min, max }, prim_ref.number())
 }

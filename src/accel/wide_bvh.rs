@@ -21,6 +21,7 @@ use crate::accel::prim_ref::{INFINITY_PROXY, PrimRef};
 use crate::accel::unit_cube::scale_boxes;
 use crate::accel::world_space_ray::WorldSpaceTree;
 use crate::geometry::Bounds;
+use crate::math::array;
 use crate::math::lane_ops::{CpuTier, LaneOps, LaneTask};
 use crate::math::prefetch::prefetch;
 
@@ -168,7 +169,7 @@ fn leaf_range(node: &Node) -> u32 {
     let (mut around, mut reached) = ([[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]], 0.0);
     let (mut first, mut end, mut count) = (usize::MAX, 0, 0);
     for slot in 0..node.count() {
-        let corners = [0, 1].map(|side| [0, 1, 2].map(|axis| node.plane(axis, side, slot)));
+        let corners = array::map([0, 1], |side| array::map([0, 1, 2], |axis| node.plane(axis, side, slot)));
         for axis in 0..3 {
             around[0][axis] = around[0][axis].min(corners[0][axis]);
             around[1][axis] = around[1][axis].max(corners[1][axis]);
@@ -394,10 +395,11 @@ fn join(mut parts: Vec<Subtree>, leaf_size: usize, threads: BuildThreads) -> Sub
 }
 
 /// The corners of a record as a node stores them, with infinite sides.
+#[inline]
 fn corners(record: &BuildRecord) -> [[f32; 3]; 2] {
     let infinite = |x: f32| if x.abs() >= INFINITY_PROXY { f32::INFINITY.copysign(x) } else { x };
     let Bounds { min, max } = record.bounds();
-    [min.map(infinite), max.map(infinite)]
+    [array::map(min, infinite), array::map(max, infinite)]
 }
 
 #[cfg(test)]

@@ -3,6 +3,7 @@
 use std::ops::RangeInclusive;
 
 use crate::geometry::Ray;
+use crate::math::array;
 use crate::math::f32x8::F32x8Ops;
 
 /// A ray starts far away if a scaled component of its origin is greater than this.
@@ -85,7 +86,7 @@ impl WorldSpaceRay {
             origin: [x, y, z],
             negated_near_reciprocal: [near_x, near_y, near_z],
             negated_far_reciprocal: [far_x, far_y, far_z],
-            near_side: [3, 4, 5].map(|number| (!upwards >> number & 1) as usize),
+            near_side: array::map([3, 4, 5], |number| (!upwards >> number & 1) as usize),
         })
     }
 }

@@ -7,6 +7,7 @@ use crate::debug::session::{ExplainRequest, Session, count_events, invalid, run_
 use crate::debug::summary;
 use crate::debug::transcript::{DispatchIndex, MemoryChange, Transcript, VERSION};
 use crate::error::{Error, ErrorReport, Result};
+use crate::math::array;
 use crate::pipeline::{Event, Pipeline, RunPart};
 use crate::scene::pass::{Dispatch, Pass, PassWork};
 
@@ -21,7 +22,7 @@ impl Session {
             let dispatch = self.assembled.dispatches.get(number)?;
             let size = dispatch.compute.workgroup_size();
             let middle = |axis: usize| dispatch.groups[axis].saturating_mul(size[axis]) / 2;
-            Some((number, std::array::from_fn(middle)))
+            Some((number, array::from_fn(middle)))
         };
         Ok(match request {
             ExplainRequest::Invocation { dispatch, id } => Some((*dispatch, *id)),

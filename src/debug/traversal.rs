@@ -11,6 +11,7 @@ use crate::debug::transcript::{
 };
 use crate::debug::values::{FloatValue, TypedValue, ValueContent};
 use crate::geometry::{Bounds, Intersection, Surface};
+use crate::math::array;
 
 impl Names<'_> {
     /// A ray before its traversal.
@@ -98,7 +99,7 @@ fn world_bounds(instance: &accel::TlasInstance, time: f32) -> Option<[[f32; 3]; 
         let of = |axis: usize| if number >> axis & 1 == 0 { bounds.min[axis] } else { bounds.max[axis] };
         rows.map(|[x, y, z, w]| x * of(0) + y * of(1) + z * of(2) + w)
     };
-    let corners: [[f32; 3]; 8] = std::array::from_fn(corner);
+    let corners: [[f32; 3]; 8] = array::from_fn(corner);
     let bounds = Bounds::of_points(&corners);
     (!is_empty).then_some([bounds.min, bounds.max])
 }

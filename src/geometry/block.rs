@@ -42,6 +42,7 @@ mod sphere;
 mod triangle;
 
 use crate::geometry::{ApproximateRay, Bounds, ObjectRay, Ray};
+use crate::math::array;
 use crate::math::f32x4::F32x4;
 use crate::math::real::Real;
 
@@ -231,12 +232,12 @@ impl CullRay {
 
     #[inline(always)]
     fn origins(&self) -> [F32x4; 3] {
-        self.origin.map(F32x4::splat)
+        array::map(self.origin, F32x4::splat)
     }
 
     #[inline(always)]
     fn directions(&self) -> [F32x4; 3] {
-        self.direction.map(F32x4::splat)
+        array::map(self.direction, F32x4::splat)
     }
 }
 
@@ -264,7 +265,7 @@ fn t_near_bounds(o: [f64; 3], d: [f64; 3], around: &Bounds, size: f64) -> f64 {
 /// The axis of the component of greatest magnitude, and that magnitude.
 #[inline(always)]
 fn max_component<R: Real>(v: [R; 3]) -> (usize, R) {
-    let [x, y, z] = v.map(R::abs);
+    let [x, y, z] = array::map(v, R::abs);
     let (axis, most) = (usize::from(y > x), if y > x { y } else { x });
     (if z > most { 2 } else { axis }, if z > most { z } else { most })
 }
@@ -307,7 +308,7 @@ type PerLane = [f32; LANES];
 
 #[inline(always)]
 fn load<const N: usize>(rows: &[PerLane; N]) -> [F32x4; N] {
-    rows.map(F32x4::new)
+    array::map(*rows, F32x4::new)
 }
 
 #[inline(always)]

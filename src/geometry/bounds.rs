@@ -1,5 +1,6 @@
 //! Boxes around primitives and instances, rounded outwards so that no hit is ever lost.
 
+use crate::math::array;
 use crate::math::error_bound::{round_down, round_up};
 
 /// An axis-parallel box. A side may be infinite where the shape leaves the range of `f32`.
@@ -32,7 +33,10 @@ impl Bounds {
     pub fn around(center: [f32; 3], radius: f32) -> Self {
         let radius = radius.abs();
         // One rounding to nearest each, undone by one step outwards.
-        Self { min: center.map(|c| (c - radius).next_down()), max: center.map(|c| (c + radius).next_up()) }
+        Self {
+            min: array::map(center, |c| (c - radius).next_down()),
+            max: array::map(center, |c| (c + radius).next_up()),
+        }
     }
 
     /// The least box that holds both.
@@ -50,7 +54,7 @@ impl Bounds {
     /// The surface area. Of the boxes inside a convex box, a random line that hits that box hits on
     /// average as many as their areas are times its area (Cauchy, Crofton).
     pub fn surface(&self) -> f64 {
-        let [x, y, z] = [0, 1, 2].map(|axis| f64::from(self.max[axis]) - f64::from(self.min[axis]));
+        let [x, y, z] = array::map([0, 1, 2], |axis| f64::from(self.max[axis]) - f64::from(self.min[axis]));
         2.0 * (x * y + y * z + z * x)
     }
 

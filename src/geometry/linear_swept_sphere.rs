@@ -40,6 +40,7 @@ use crate::geometry::bounded_ray::BoundedRay;
 use crate::geometry::object_ray::ObjectRay;
 use crate::geometry::verdict::{Verdict, error_or_zero, round_within_closed, rounded};
 use crate::geometry::{Bounds, Intersection, Precision, Surface, sphere};
+use crate::math::array;
 use crate::math::error_bound::{Divisor, product_error, two_units};
 use crate::math::f32x4::F32x4;
 use crate::math::real::{Real, add, cross, dot, from_f32, norm1, scale, sub};
@@ -120,7 +121,7 @@ pub fn is_decided_in_f64(
 /// The box around a linear swept sphere (with both caps); `None` where it is never hit.
 #[inline]
 pub fn bounds(positions: [[f32; 3]; 2], radii: [f32; 2]) -> Option<Bounds> {
-    let [a, b] = [0, 1].map(|end| {
+    let [a, b] = array::map([0, 1], |end| {
         let [x, y, z] = positions[end];
         F32x4::new([x, y, z, radii[end]])
     });
@@ -130,7 +131,7 @@ pub fn bounds(positions: [[f32; 3]; 2], radii: [f32; 2]) -> Option<Bounds> {
         return None;
     }
     // An end of negative radius is cut off before its point: the point itself is enough.
-    let [r0, r1] = radii.map(|radius| F32x4::splat(radius.max(0.0)));
+    let [r0, r1] = array::map(radii, |radius| F32x4::splat(radius.max(0.0)));
     // One rounding to nearest each, undone by one step outwards.
     let [x0, y0, z0, _] = (a - r0).relaxed_min(b - r1).next_down().to_array();
     let [x1, y1, z1, _] = (a + r0).relaxed_max(b + r1).next_up().to_array();
@@ -148,7 +149,7 @@ pub fn bounds(positions: [[f32; 3]; 2], radii: [f32; 2]) -> Option<Bounds> {
 /// of |P0| + |P1| + r0 + r1, or 2^-150 for subnormals; the slack is sixteen of both.
 #[inline]
 pub fn halves(positions: [[f32; 3]; 2], radii: [f32; 2]) -> Option<[Bounds; 2]> {
-    let [p0, p1] = positions.map(|[x, y, z]| F32x4::new([x, y, z, 0.0]));
+    let [p0, p1] = array::map(positions, |[x, y, z]| F32x4::new([x, y, z, 0.0]));
     let [r0, r1] = radii;
     // About half the surface of the boxes.
     let (length, width) = ((p1 - p0).abs(), r0 + r1);
@@ -211,8 +212,8 @@ fn filtered<R: Real, const BOUNDED: bool>(
 ) -> Verdict<Intersection> {
     let ray = &ray.bounded::<R>();
     let u2 = two_units::<R>();
-    let ends: [[R; 3]; 2] = positions.map(from_f32);
-    let [r0, r1] = radii.map(R::from_f32);
+    let ends: [[R; 3]; 2] = array::map(positions, from_f32);
+    let [r0, r1] = array::map(radii, R::from_f32);
 
     let (d, dn, relative_error) = (ray.direction, ray.direction_norm, ray.relative_error);
     let axis = sub(ends[1], ends[0]);

@@ -29,6 +29,7 @@ use std::cmp::Ordering;
 use crate::geometry::Ray;
 use crate::geometry::approach_terms::ClosestApproachTerms;
 use crate::geometry::bounded_ray::BoundedRay;
+use crate::math::array;
 use crate::math::exact::{self, Dyadic, Vector};
 use crate::math::f32x4::F32x4;
 use crate::math::real::{Real, norm1};
@@ -75,21 +76,21 @@ impl Transform {
         if !m.as_flattened().iter().all(|x| x.is_finite()) {
             return None;
         }
-        let a = m.map(|row| [row[0], row[1], row[2]].map(f64::from));
-        let adjugate: [[f64; 3]; 3] = std::array::from_fn(|i| {
-            std::array::from_fn(|j| cofactor(j, i, |r, c| a[r][c], |x, y| x * y, |x, y| x - y))
+        let a = array::map(*m, |row| array::map([row[0], row[1], row[2]], f64::from));
+        let adjugate: [[f64; 3]; 3] = array::from_fn(|i| {
+            array::from_fn(|j| cofactor(j, i, |r, c| a[r][c], |x, y| x * y, |x, y| x - y))
         });
-        let terms: [f64; 3] = std::array::from_fn(|j| a[0][j] * adjugate[j][0]);
+        let terms: [f64; 3] = array::from_fn(|j| a[0][j] * adjugate[j][0]);
         let determinant = terms[0] + terms[1] + terms[2];
         let error = 6.0 * UNIT * norm1(terms) / determinant.abs();
         let sure = error < 2f64.powi(-10);
         if !sure && exact_inverse(m).1.is_zero() {
             return None;
         }
-        let inverse = adjugate.map(|row| row.map(|x| x / determinant));
+        let inverse = array::map(adjugate, |row| array::map(row, |x| x / determinant));
         let inverse_error = if sure { 6.0 * UNIT + 2.0 * error } else { f64::INFINITY };
         let approximate = ApproximateInverse::new(m, &inverse).filter(|_| inverse_error <= 2f64.powi(-30));
-        let inverse = [0, 1, 2].map(|k| [inverse[0][k], inverse[1][k], inverse[2][k], 0.0]);
+        let inverse = array::map([0, 1, 2], |k| [inverse[0][k], inverse[1][k], inverse[2][k], 0.0]);
         Some(Self { matrix: *m, inverse, inverse_error, is_exact: is_monomial(m), approximate })
     }
 
@@ -121,10 +122,10 @@ impl Transform {
     #[inline(always)]
     pub fn approximate(&self, ray: &Ray) -> Option<ApproximateRay> {
         let approximate = self.approximate.as_ref().filter(|_| ray.is_well_scaled())?;
-        let columns = approximate.columns.map(F32x4::new);
+        let columns = array::map(approximate.columns, F32x4::new);
         let apply = |[x, y, z]: [F32x4; 3]| {
             let terms = [columns[0] * x, columns[1] * y, columns[2] * z];
-            let sizes = terms.map(F32x4::abs);
+            let sizes = array::map(terms, F32x4::abs);
             (
                 terms[0] + terms[1] + terms[2],
                 (sizes[0] + sizes[1] + sizes[2]) * F32x4::splat(APPROXIMATE_ERROR),
@@ -132,8 +133,8 @@ impl Transform {
         };
         let [bx, by, bz, _] = approximate.translation;
         let [x, y, z] = ray.origin;
-        let (origin, origin_error) = apply([x - bx, y - by, z - bz].map(F32x4::splat));
-        let (direction, direction_error) = apply(ray.direction.map(F32x4::splat));
+        let (origin, origin_error) = apply(array::map([x - bx, y - by, z - bz], F32x4::splat));
+        let (direction, direction_error) = apply(array::map(ray.direction, F32x4::splat));
         let origin_error = origin_error + F32x4::splat(APPROXIMATE_UNDERFLOW);
         Some(ApproximateRay { origin, direction, origin_error, direction_error })
     }
@@ -145,14 +146,14 @@ impl Transform {
         let three = |[x, y, z, _]: [f32; 4]| [x, y, z];
         self.approximate
             .as_ref()
-            .map(|approximate| (approximate.columns.map(three), three(approximate.translation)))
+            .map(|approximate| (array::map(approximate.columns, three), three(approximate.translation)))
     }
 
     /// The terms of each component of `A^-1 v`.
     #[inline(always)]
     fn inverse_terms(&self, [x, y, z]: [f64; 3]) -> [[f64; 3]; 3] {
         let [cx, cy, cz] = &self.inverse;
-        [0, 1, 2].map(|k| [cx[k] * x, cy[k] * y, cz[k] * z])
+        array::map([0, 1, 2], |k| [cx[k] * x, cy[k] * y, cz[k] * z])
     }
 
     /// The translation, which the inverse in f32 applies first, if there is such an inverse.
@@ -164,12 +165,12 @@ impl Transform {
     /// `A^-1 v`. The bound of an inexact transform includes the error of v.
     fn apply(&self, v: BoundedVector) -> BoundedVector {
         let terms = self.inverse_terms(v.value);
-        let value = terms.map(|[x, y, z]| x + y + z);
+        let value = array::map(terms, |[x, y, z]| x + y + z);
         if self.is_exact {
-            return BoundedVector { value, error: self.inverse_terms(v.error).map(norm1) };
+            return BoundedVector { value, error: array::map(self.inverse_terms(v.error), norm1) };
         }
         let error = self.inverse_error + 8.0 * UNIT;
-        BoundedVector { value, error: terms.map(|row| error * norm1(row)) }
+        BoundedVector { value, error: array::map(terms, |row| error * norm1(row)) }
     }
 }
 
@@ -186,7 +187,7 @@ impl BoundedVector {
     /// A vector that is given, without an error.
     #[inline(always)]
     fn exact(v: [f32; 3]) -> Self {
-        Self { value: v.map(f64::from), error: [0.0; 3] }
+        Self { value: array::map(v, f64::from), error: [0.0; 3] }
     }
 }
 
@@ -232,9 +233,9 @@ impl ApproximateInverse {
     fn new(matrix: &[[f32; 4]; 3], inverse: &[[f64; 3]; 3]) -> Option<Self> {
         let within =
             |x: f32, power: i32| x == 0.0 || x.abs() >= 2f32.powi(-power) && x.abs() <= 2f32.powi(power);
-        let row = |k: usize| [0, 1, 2].map(|i| inverse[i][k] as f32);
-        let columns = [0, 1, 2].map(|k| [row(k)[0], row(k)[1], row(k)[2], 0.0]);
-        let [x, y, z] = matrix.map(|row| row[3]);
+        let row = |k: usize| array::map([0, 1, 2], |i| inverse[i][k] as f32);
+        let columns = array::map([0, 1, 2], |k| [row(k)[0], row(k)[1], row(k)[2], 0.0]);
+        let [x, y, z] = array::map(*matrix, |row| row[3]);
         let fits =
             columns.as_flattened().iter().all(|&x| within(x, 40)) && [x, y, z].iter().all(|&x| within(x, 60));
         fits.then_some(Self { columns, translation: [x, y, z, 0.0] })
@@ -338,9 +339,11 @@ impl ObjectRay {
     /// [`ObjectRay::in_instance`], written to `self`; returns whether there is one.
     #[inline]
     pub fn set_in_instance(&mut self, ray: &Ray, transform: &Transform) -> bool {
-        let offset = [0, 1, 2].map(|i| difference(ray.origin[i], transform.matrix[i][3]));
-        let offset =
-            BoundedVector { value: offset.map(|(sum, _)| sum), error: offset.map(|(_, error)| error) };
+        let offset = array::map([0, 1, 2], |i| difference(ray.origin[i], transform.matrix[i][3]));
+        let offset = BoundedVector {
+            value: array::map(offset, |(sum, _)| sum),
+            error: array::map(offset, |(_, error)| error),
+        };
         let origin = transform.apply(offset);
         let direction = transform.apply(BoundedVector::exact(ray.direction));
         let direction_relative_error = norm1(direction.error) / norm1(direction.value);
@@ -480,8 +483,8 @@ impl ObjectRay {
     /// The ray in another format, with its error bounds as 1-norms.
     #[inline(always)]
     pub(super) fn bounded<R: Real>(&self) -> BoundedRay<R> {
-        let origin = self.origin.map(R::from_f64);
-        let direction = self.direction.map(R::from_f64);
+        let origin = array::map(self.origin, R::from_f64);
+        let direction = array::map(self.direction, R::from_f64);
         // Rounding to f32 costs up to its u again.
         let rounding = if size_of::<R>() == 4 { R::UNIT + R::UNIT } else { R::ZERO };
         BoundedRay {
@@ -549,8 +552,8 @@ impl ExactRay {
 
 /// The components rounded to f32: at once where the bound allows, from the exact ones otherwise.
 fn round(value: [f64; 3], error: [f64; 3], exact: impl FnOnce() -> (Vector, Dyadic)) -> [f32; 3] {
-    let below: [f32; 3] = std::array::from_fn(|i| (value[i] - error[i]) as f32 + 0.0);
-    let above: [f32; 3] = std::array::from_fn(|i| (value[i] + error[i]) as f32 + 0.0);
+    let below: [f32; 3] = array::from_fn(|i| (value[i] - error[i]) as f32 + 0.0);
+    let above: [f32; 3] = array::from_fn(|i| (value[i] + error[i]) as f32 + 0.0);
     if below == above {
         return below;
     }

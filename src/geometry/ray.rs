@@ -64,7 +64,8 @@ impl Ray {
     /// is, since the transform has an inverse.
     #[inline]
     pub fn goes_nowhere(&self) -> bool {
-        self.direction == [0.0; 3]
+        let [x, y, z] = self.direction;
+        x == 0.0 && y == 0.0 && z == 0.0
     }
 
     /// Replaces the interval.

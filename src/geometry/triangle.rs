@@ -39,6 +39,7 @@ use crate::geometry::double_ray::DoubleRay;
 use crate::geometry::object_ray::ObjectRay;
 use crate::geometry::verdict::Verdict;
 use crate::geometry::{Bounds, Intersection, Precision, Surface};
+use crate::math::array;
 use crate::math::baseline_simd::BaselineSimd;
 use crate::math::exact::{self, Dyadic};
 use crate::math::real::{Real, cross, dot, from_f32, sub};
@@ -86,7 +87,7 @@ fn is_finite(vertices: [[f32; 3]; 3]) -> bool {
 #[inline(never)]
 fn intersect_in<R: Real>(ray: &ObjectRay, vertices: [[f32; 3]; 3]) -> Option<Intersection> {
     let ray = &ray.bounded::<R>();
-    let [v0, v1, v2] = vertices.map(from_f32::<R>);
+    let [v0, v1, v2] = array::map(vertices, from_f32::<R>);
     let d = ray.direction;
     let (e1, e2, w) = (sub(v1, v0), sub(v2, v0), sub(ray.origin, v0));
     let (p, q) = (cross(d, e2), cross(w, e1));
@@ -100,7 +101,7 @@ fn intersect_in<R: Real>(ray: &ObjectRay, vertices: [[f32; 3]; 3]) -> Option<Int
     }
     let t = dot(e2, q) / det;
     let is_within = t > ray.t_min && t < ray.t_max;
-    let [t, b1, b2] = [t, beta / det, gamma / det].map(|x| x.to_f32() + 0.0);
+    let [t, b1, b2] = array::map([t, beta / det, gamma / det], |x| x.to_f32() + 0.0);
     let hit = Intersection { t, attributes: [b1, b2], surface: facing(det > R::ZERO) };
     // An overflow makes NaNs.
     (is_within && t.is_finite() && !b1.is_nan() && !b2.is_nan()).then_some(hit)

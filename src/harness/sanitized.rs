@@ -8,6 +8,7 @@ use crate::debug::session::{ResolvedRequest, SingleRun};
 use crate::error::{Error, ErrorKind, Result};
 use crate::harness::side_by_side::SideBySide;
 use crate::machine::{Resources, ShaderIndex};
+use crate::math::array;
 use crate::pipeline::{Launch, Stats};
 use crate::sanitize::contract::check_pipeline;
 use crate::sanitize::hit_indices::check_hit_indices;
@@ -108,7 +109,7 @@ pub fn run_sanitized(
                 let side_by_side = SideBySide::of(&plans, &resources);
                 if let Some(layout) = compute.program.workgroup {
                     let invocations = |axis: usize| layout.size[axis].saturating_mul(dispatch.groups[axis]);
-                    let invocations = std::array::from_fn(invocations);
+                    let invocations = array::from_fn(invocations);
                     sizes.push(LaunchSize { invocations, workgroup: layout.size });
                 }
                 let outcome = compute.run_observed(&resources, dispatch.groups, on_event, &mut sanitizer);

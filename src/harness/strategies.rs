@@ -26,6 +26,7 @@ use proptest::prelude::*;
 use crate::geometry::Ray;
 use crate::harness::hit::Hit;
 use crate::harness::instance::Instance;
+use crate::math::array;
 
 /// A number of a range: a sixteenth, sometimes any float.
 pub fn number(range: RangeInclusive<f32>) -> impl Strategy<Value = f32> + Clone {
@@ -94,8 +95,8 @@ pub fn transform() -> impl Strategy<Value = [[f32; 4]; 3]> + Clone {
             [2.0 * (x * y + z * w), n - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)],
             [2.0 * (x * z - y * w), 2.0 * (y * z + x * w), n - 2.0 * (x * x + y * y)],
         ];
-        std::array::from_fn(|row| {
-            std::array::from_fn(|column| match column {
+        array::from_fn(|row| {
+            array::from_fn(|column| match column {
                 3 => offset[row],
                 // 1/4 to 4, and 1 where nothing is drawn.
                 _ => (turn[row][column] / n * f64::from(1.0 + scale[column])) as f32,
@@ -133,7 +134,7 @@ pub fn lss_hit() -> impl Strategy<Value = Aimed> + Clone {
     (lss(), 0u8..=16, direction()).prop_map(|((positions, radii), sixteenths, direction)| {
         let [from, to] = positions;
         let along = f32::from(sixteenths) / 16.0;
-        let target = std::array::from_fn(|axis| from[axis] + along * (to[axis] - from[axis]));
+        let target = array::from_fn(|axis| from[axis] + along * (to[axis] - from[axis]));
         let reach = distance(from, to) + radii[0].max(radii[1]);
         Aimed { instance: Instance::lss(positions, radii), ray: from_outside(target, direction, reach) }
     })
@@ -153,7 +154,7 @@ pub fn triangle_hit() -> impl Strategy<Value = Aimed> + Clone {
         |(vertices, weights, direction)| {
             let weights = weights.map(f32::from);
             let sum: f32 = weights.iter().sum();
-            let target = std::array::from_fn(|axis| {
+            let target = array::from_fn(|axis| {
                 (0..3).map(|corner| weights[corner] / sum * vertices[corner][axis]).sum()
             });
             Aimed { instance: Instance::triangle(vertices), ray: from_outside(target, direction, 8.0) }
@@ -185,15 +186,15 @@ fn from_outside(target: [f32; 3], direction: [f32; 3], reach: f32) -> Ray {
     let length = direction.iter().map(|x| x * x).sum::<f32>().sqrt();
     // A whole number of lengths keeps sixteenths.
     let back = ((reach + 1.0) / length).ceil();
-    Ray::new(std::array::from_fn(|axis| target[axis] - back * direction[axis]), direction)
+    Ray::new(array::from_fn(|axis| target[axis] - back * direction[axis]), direction)
 }
 
 fn minus(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
-    std::array::from_fn(|axis| a[axis] - b[axis])
+    array::from_fn(|axis| a[axis] - b[axis])
 }
 
 fn cross(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
-    std::array::from_fn(|axis| {
+    array::from_fn(|axis| {
         let (next, last) = ((axis + 1) % 3, (axis + 2) % 3);
         a[next] * b[last] - a[last] * b[next]
     })

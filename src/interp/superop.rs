@@ -53,6 +53,7 @@ where
 }
 
 /// Runs superinstructions. Returns how many ran before one that leaves the loop.
+#[inline]
 fn run_until_exit<const W: usize>(
     registers: &mut Registers<W>,
     superops: &[SuperOp],

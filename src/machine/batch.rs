@@ -383,6 +383,7 @@ impl<const W: usize> Batch<W> {
 }
 
 /// What a lane with so much fuel may consume before the watchdog is asked, and turns are noted.
+#[inline]
 fn slice(fuel: u64) -> u64 {
     fuel.saturating_sub(LAST_FUEL).min(SLICE)
 }

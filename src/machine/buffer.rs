@@ -4,6 +4,8 @@ use std::sync::atomic::AtomicU32;
 use std::sync::atomic::Ordering::Relaxed;
 use std::sync::{Arc, Mutex, PoisonError};
 
+use crate::math::array;
+
 /// A buffer, or the range of one that a descriptor refers to (`VkDescriptorBufferInfo`): all ranges
 /// of a buffer are views of the same memory. The size is in bytes and need not be a multiple of
 /// four.
@@ -198,7 +200,7 @@ impl Buffer {
         let pair = inside.then(|| [self.word_at(offset), self.word_at(offset + 4)])?;
         let granule = std::ptr::from_ref(pair[0]).addr() / 8;
         let guard = LOCKS[granule % LOCKS.len()].lock().unwrap_or_else(PoisonError::into_inner);
-        let [low, high] = pair.map(|word| u64::from(word.load(Relaxed)));
+        let [low, high] = array::map(pair, |word| u64::from(word.load(Relaxed)));
         let old = low | high << 32;
         if let Some(new) = change(old) {
             pair[0].store(new as u32, Relaxed);

@@ -9,6 +9,7 @@ use std::sync::LazyLock;
 
 use half::f16;
 
+use crate::math::array;
 use crate::math::srgb;
 
 /// How a component is stored; the packed kinds describe all components of a texel at once.
@@ -198,14 +199,14 @@ impl Format {
     #[doc(hidden)]
     pub fn encode(self, texel: [u64; 4], signed: bool) -> u128 {
         if self.class() == Class::Float {
-            let floats = texel.map(|bits| f32::from_bits(bits as u32));
+            let floats = array::map(texel, |bits| f32::from_bits(bits as u32));
             // The bits are kept: a conversion would quieten a signalling NaN.
             if self.component == Component::Float32 {
-                return self.join(texel.map(|bits| bits & 0xffff_ffff));
+                return self.join(array::map(texel, |bits| bits & 0xffff_ffff));
             }
-            return self.encode_numbers(floats.map(f64::from));
+            return self.encode_numbers(array::map(floats, f64::from));
         }
-        self.join(texel.map(|bits| {
+        self.join(array::map(texel, |bits| {
             let value = if signed { i128::from(bits as i64) } else { i128::from(bits) };
             let (least, most) = integer_range(self.component);
             value.clamp(least, most) as u64
@@ -229,7 +230,7 @@ impl Format {
     /// Four numbers from a texel's bits, as [`Format::decode`] gives them.
     #[doc(hidden)]
     pub fn decode_numbers(self, bits: u128) -> [f64; 4] {
-        self.decode(bits).map(|part| match self.class() {
+        array::map(self.decode(bits), |part| match self.class() {
             Class::Float => f64::from(f32::from_bits(part as u32)),
             Class::Sint => part as i64 as f64,
             Class::Uint => part as f64,
@@ -268,7 +269,7 @@ impl Format {
 
 /// Linear binary32 bits of each sRGB code.
 static SRGB: LazyLock<[u32; 256]> =
-    LazyLock::new(|| std::array::from_fn(|code| (srgb::to_linear(code as f64 / 255.0) as f32).to_bits()));
+    LazyLock::new(|| array::from_fn(|code| (srgb::to_linear(code as f64 / 255.0) as f32).to_bits()));
 
 fn decode_component(component: Component, bits: u64, width: u32) -> u64 {
     use Component::*;
@@ -357,7 +358,7 @@ fn shared_exponent(color: [f64; 4]) -> u32 {
     let power = |exponent: i32| f64::from_bits(((exponent + 1023) as u64) << 52);
     // (2^9 - 1) / 2^9 * 2^16
     let clamped = |value: f64| if value > 0.0 { value.min(65_408.0) } else { 0.0 };
-    let [red, green, blue, _] = color.map(clamped);
+    let [red, green, blue, _] = array::map(color, clamped);
     let most = red.max(green).max(blue);
     let floor_log2 = (most.to_bits() >> 52) as i32 - 1023;
     let mut exponent = if most > power(-SHARED_BIAS - 1) { floor_log2 + SHARED_BIAS + 1 } else { 0 };
@@ -366,7 +367,7 @@ fn shared_exponent(color: [f64; 4]) -> u32 {
     if part(most, exponent) >= 512.0 {
         exponent += 1;
     }
-    let [red, green, blue] = [red, green, blue].map(|value| part(value, exponent) as u32);
+    let [red, green, blue] = array::map([red, green, blue], |value| part(value, exponent) as u32);
     red | green << 9 | blue << 18 | (exponent as u32) << 27
 }
 

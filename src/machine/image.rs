@@ -8,6 +8,7 @@ use smallvec::SmallVec;
 use crate::error::{Error, ErrorKind, Result};
 use crate::machine::format::Format;
 use crate::machine::image_words::{ImageWords, texel};
+use crate::math::array;
 
 #[doc(hidden)]
 pub use crate::machine::image_words::ImageState;
@@ -82,13 +83,13 @@ impl ImageShape {
     /// Miplevel Sizing").
     #[doc(hidden)]
     pub fn level_extent(&self, level: u32) -> [u32; 3] {
-        self.extent.map(|side| side.checked_shr(level).unwrap_or(0).max(1))
+        array::map(self.extent, |side| side.checked_shr(level).unwrap_or(0).max(1))
     }
 
     /// Texels of a level: of all layers, each sample by itself.
     #[doc(hidden)]
     pub fn level_texels(&self, level: u32) -> u64 {
-        let [width, height, depth] = self.level_extent(level).map(u64::from);
+        let [width, height, depth] = array::map(self.level_extent(level), u64::from);
         let plane = width.saturating_mul(height).saturating_mul(depth);
         plane.saturating_mul(u64::from(self.layers)).saturating_mul(u64::from(self.samples))
     }
@@ -257,7 +258,7 @@ impl Image {
             let message = format!("rows {} to {} of an image with {height}", rows.start, rows.end);
             return Err(Error::new(ErrorKind::InvalidImage, message));
         }
-        let [first, end] = [rows.start, rows.end].map(|row| row as usize * width as usize);
+        let [first, end] = array::map([rows.start, rows.end], |row| row as usize * width as usize);
         Self::filled_with(format, ImageShape::plane(width, height), first..end, texel)
     }
 
@@ -274,7 +275,7 @@ impl Image {
         }
         // Two words hold a whole number of texels of every size.
         let pattern = texel.repeat(16 / each);
-        let pattern = [0, 8].map(|first: usize| {
+        let pattern = array::map([0, 8], |first: usize| {
             pattern[first..first + 8].iter().rev().fold(0, |word, &byte| word << 8 | u64::from(byte))
         });
         let size = (resident.end - resident.start).saturating_mul(each);
@@ -359,7 +360,7 @@ impl Image {
     /// The index of a texel among all of the shape.
     fn texel_index(&self, position: &Position) -> Option<usize> {
         let level = self.levels.get(position.level as usize)?;
-        let [width, height, depth] = level.extent.map(i64::from);
+        let [width, height, depth] = array::map(level.extent, i64::from);
         let [x, y, z] = position.at;
         let inside = (0..width).contains(&x)
             && (0..height).contains(&y)

@@ -8,6 +8,7 @@ use crate::machine::buffer::Buffer;
 use crate::machine::lanes::{Lanes, Mask, Reg, Registers};
 use crate::machine::shared_by_lanes::SharedByLanes;
 use crate::machine::workgroup::Workgroup;
+use crate::math::array;
 
 /// The initial state of one invocation, for [`Invocations::set`].
 #[derive(Clone, Debug, Default)]
@@ -324,7 +325,7 @@ impl<const W: usize> Invocations<W> {
     /// `LaunchIdKHR` of a lane.
     #[inline]
     pub fn launch_id(&self, lane: usize) -> [u32; 3] {
-        [0, 1, 2].map(|axis| self.launch_id[axis].0[lane])
+        array::map([0, 1, 2], |axis| self.launch_id[axis].0[lane])
     }
 
     /// The number of a lane's invocation in the order in which a launch tells its traps: x of the
@@ -334,8 +335,8 @@ impl<const W: usize> Invocations<W> {
             let each = u64::from(workgroup.invocations());
             return workgroup.index().saturating_mul(each) + u64::from(self.subgroup_order.0[lane]);
         }
-        let [x, y, z] = self.launch_id(lane).map(u64::from);
-        let [width, height, _] = self.launch_size.map(u64::from);
+        let [x, y, z] = array::map(self.launch_id(lane), u64::from);
+        let [width, height, _] = array::map(self.launch_size, u64::from);
         z.saturating_mul(height).saturating_add(y).saturating_mul(width).saturating_add(x)
     }
 
@@ -348,11 +349,14 @@ impl<const W: usize> Invocations<W> {
     }
 
     /// Sets `LaunchIdKHR` of `run` lanes from `lane` on: x increases by 1 from lane to lane.
+    #[inline]
     pub fn set_launch_ids(&mut self, lane: usize, [x, y, z]: [u32; 3], run: usize) {
-        let [xs, ys, zs] = self.launch_id.each_mut().map(|lanes| &mut lanes.0[lane..lane + run]);
-        xs.iter_mut().zip(x..).for_each(|(to, x)| *to = x);
-        ys.fill(y);
-        zs.fill(z);
+        let [xs, ys, zs] = &mut self.launch_id;
+        for (to, x) in xs.0[lane..lane + run].iter_mut().zip(x..) {
+            *to = x;
+        }
+        ys.0[lane..lane + run].fill(y);
+        zs.0[lane..lane + run].fill(z);
     }
 
     /// Copies `LaunchIdKHR` and `LaunchSizeKHR` of other invocations.
@@ -413,7 +417,8 @@ impl<const W: usize> Invocations<W> {
         let tlas = self.structures.get(lane).filter(|_| self.hit);
         let hit = tlas.map(|tlas| {
             let HitLanes { instance, geometry, primitive, .. } = &self.hits;
-            let [instance, geometry, primitive] = [instance, geometry, primitive].map(|lanes| lanes.0[lane]);
+            let [instance, geometry, primitive] =
+                array::map([instance, geometry, primitive], |lanes| lanes.0[lane]);
             HitRef {
                 tlas,
                 prim: HitPrimitive { instance, geometry, primitive },
@@ -467,8 +472,8 @@ impl LaneInvocation<'_> {
 
     /// The linear index in the launch, x fastest.
     fn launch_index(&self) -> u64 {
-        let [x, y, z] = self.launch_id.map(u64::from);
-        let [width, height, _] = self.launch_size.map(u64::from);
+        let [x, y, z] = array::map(self.launch_id, u64::from);
+        let [width, height, _] = array::map(self.launch_size, u64::from);
         (z * height + y) * width + x
     }
 

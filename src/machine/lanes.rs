@@ -8,6 +8,7 @@ use std::ops::{Index, IndexMut};
 use aligned_vec::{AVec, ConstAlign};
 use half::f16;
 
+use crate::math::array;
 use crate::math::lane_ops::CpuTier;
 #[cfg(target_arch = "x86_64")]
 use mask::BooleanMask;
@@ -113,6 +114,7 @@ impl<const W: usize> Registers<W> {
     }
 
     /// Consecutive registers.
+    #[inline]
     pub fn span_mut(&mut self, first: Reg, count: u32) -> &mut [Lanes<W>] {
         &mut self.registers[first.0 as usize..(first.0 + count) as usize]
     }
@@ -127,13 +129,15 @@ impl<const W: usize> Registers<W> {
     #[inline]
     pub fn lane_array<const N: usize>(&self, first: Reg, lane: usize) -> [u32; N] {
         let registers = &self.registers[first.0 as usize..][..N];
-        std::array::from_fn(|at| registers[at].0[lane])
+        array::from_fn(|at| registers[at].0[lane])
     }
 
     /// Sets the words of one lane in consecutive registers.
     #[inline]
     pub fn set_lane_words(&mut self, first: Reg, lane: usize, words: impl IntoIterator<Item = u32>) {
-        for (register, word) in self.registers[first.0 as usize..].iter_mut().zip(words) {
+        let mut words = words.into_iter();
+        for register in &mut self.registers[first.0 as usize..] {
+            let Some(word) = words.next() else { return };
             register.0[lane] = word;
         }
     }
@@ -379,7 +383,7 @@ mod tests {
     #[test]
     fn the_mask_of_a_condition() {
         let mut registers = Registers::<128>::new(1);
-        registers[Reg(0)].0 = std::array::from_fn(|lane| u32::from(lane % 3 == 1 || lane > 120));
+        registers[Reg(0)].0 = array::from_fn(|lane| u32::from(lane % 3 == 1 || lane > 120));
         assert_eq!(registers.mask(Reg(0)), Mask::from_fn(|lane| lane % 3 == 1 || lane > 120));
         assert_eq!(registers.mask(Reg(0)), Mask::of(&registers[Reg(0)]));
     }

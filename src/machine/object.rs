@@ -64,6 +64,7 @@ impl<T: Default> ObjectPool<T> {
 
     /// The object with a handle; where that is 0, a new one with stale contents. Also gives its
     /// handle.
+    #[inline]
     pub fn get_or_insert(&mut self, handle: u32) -> (u32, &mut T) {
         let at = if handle == 0 { self.used } else { handle as usize - 1 };
         self.used = self.used.max(at + 1);

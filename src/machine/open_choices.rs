@@ -10,6 +10,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use crate::accel::{Candidate, Cursor, Tlas, TraceRay, TraversalSeeds};
 use crate::geometry::Ray;
 use crate::machine::index::{OpIndex, ShaderIndex};
+use crate::math::array;
 use crate::math::permutation::{OrderLimit, Permutation};
 use crate::math::random::Random;
 
@@ -247,7 +248,7 @@ impl OpenChoices {
     pub fn draw(&self, site: ChoiceSite) -> Option<Random> {
         let is_drawn =
             self.kinds.contains(&site.kind) && self.only.as_ref().is_none_or(|only| only.contains(&site));
-        let [x, y, z] = site.launch_id.map(u64::from);
+        let [x, y, z] = array::map(site.launch_id, u64::from);
         let numbers = [site.kind as u64, site.pass.into(), x, y, z, site.place];
         is_drawn.then(|| Random::of(self.seed, numbers))
     }
@@ -280,7 +281,7 @@ impl OpenChoices {
         };
         let (order, pair) = drawn.limited(limit);
         if let Some(pair) = pair {
-            let pair = pair.map(|number| number * unit);
+            let pair = array::map(pair, |number| number * unit);
             self.note(self.site(kind, [0; 3], 0), || DrawnDetails::Order { part, unit, pair });
         }
         Some(order)

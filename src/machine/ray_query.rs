@@ -93,6 +93,7 @@ impl RayQuery {
     ///
     /// # Errors
     /// `RayQueryComplete` after it returned false.
+    #[inline]
     pub fn proceed(&mut self, observer: &mut impl TraversalObserver) -> Result<bool, TrapCode> {
         self.candidate = match self.phase {
             Phase::Underway => self.cursor.proceed_observed(&self.tlas, observer),

@@ -71,6 +71,7 @@ impl Descriptor {
 
     /// What a variable of the shader refers to: the first descriptor that suits its type.
     #[doc(hidden)]
+    #[inline]
     pub fn find<'a, T>(&'a self, suits: impl Fn(&'a Descriptor) -> Option<T>) -> Option<T> {
         self.kinds().iter().find_map(suits)
     }

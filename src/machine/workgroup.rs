@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use crate::machine::buffer::Buffer;
+use crate::math::array;
 
 /// A workgroup: what its invocations share.
 #[derive(Clone, Debug)]
@@ -26,22 +27,24 @@ impl Workgroup {
 
     /// The place in the dispatch, x fastest.
     pub fn index(&self) -> u64 {
-        let [x, y, z] = self.id.map(u64::from);
-        let [width, height, _] = self.count.map(u64::from);
+        let [x, y, z] = array::map(self.id, u64::from);
+        let [width, height, _] = array::map(self.count, u64::from);
         (z * height + y) * width + x
     }
 
     /// `LocalInvocationId` of the invocation with a `LocalInvocationIndex`.
+    #[inline]
     pub fn local_id(&self, index: u32) -> [u32; 3] {
         let [width, height, _] = self.size;
         [index % width, index / width % height, index / (width * height)]
     }
 
     /// `GlobalInvocationId` of the invocation with a `LocalInvocationIndex`.
+    #[inline]
     pub fn global_id(&self, index: u32) -> [u32; 3] {
         let local = self.local_id(index);
         // The sizes of a dispatch are checked before it begins: no product overflows.
-        std::array::from_fn(|axis| self.id[axis] * self.size[axis] + local[axis])
+        array::from_fn(|axis| self.id[axis] * self.size[axis] + local[axis])
     }
 }
 

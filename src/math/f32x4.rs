@@ -10,13 +10,14 @@ use glam::Vec4;
 #[cfg(target_arch = "x86_64")]
 use pulp::x86::V3;
 
+use crate::math::array;
 use crate::math::baseline_simd::BaselineSimd;
 
 /// The number of lanes.
 pub const LANES: usize = 4;
 
 /// Four `f32` lanes.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct F32x4(Vec4);
 
 impl F32x4 {
@@ -96,8 +97,8 @@ impl F32x4 {
             bits ^ ((bits >> 31) as u32 >> 1) as i32
         };
         let least = key(f32::NEG_INFINITY);
-        let keys = self.to_array().map(|x| (key(x) - 1).max(least));
-        Self::new(keys.map(|key| f32::from_bits((key ^ ((key >> 31) as u32 >> 1) as i32) as u32)))
+        let keys = array::map(self.to_array(), |x| (key(x) - 1).max(least));
+        Self::new(array::map(keys, |key| f32::from_bits((key ^ ((key >> 31) as u32 >> 1) as i32) as u32)))
     }
 
     /// The next greater number in each lane, as [`f32::next_up`] of what is no NaN.

@@ -8,6 +8,7 @@ use pulp::f32x8;
 #[cfg(target_arch = "x86_64")]
 use pulp::x86::V3;
 
+use crate::math::array;
 use crate::math::baseline_simd::BaselineSimd;
 use crate::math::f32x4::F32x4;
 use crate::math::float;
@@ -92,7 +93,7 @@ impl F32x8Ops for BaselineSimd {
 
     #[inline(always)]
     fn signum(self, a: [F32x4; 2]) -> [F32x4; 2] {
-        let sign = |four: F32x4| F32x4::new(four.to_array().map(|x| 1f32.copysign(x)));
+        let sign = |four: F32x4| F32x4::new(array::map(four.to_array(), |x| 1f32.copysign(x)));
         [sign(a[0]), sign(a[1])]
     }
 
@@ -113,7 +114,7 @@ impl F32x8Ops for BaselineSimd {
 
     #[inline(always)]
     fn to_i32(self, a: [F32x4; 2]) -> [i32; 8] {
-        self.to_array(a).map(float::to_i32)
+        array::map(self.to_array(a), float::to_i32)
     }
 }
 

@@ -9,6 +9,7 @@ use pulp::f64x4;
 #[cfg(target_arch = "x86_64")]
 use pulp::x86::V3;
 
+use crate::math::array;
 use crate::math::baseline_simd::BaselineSimd;
 
 /// Operations on four `f64` lanes.
@@ -96,12 +97,12 @@ impl F64x4Ops for BaselineSimd {
 
     #[inline(always)]
     fn load_f32(self, values: &[f32; 4]) -> [f64; 4] {
-        values.map(f64::from)
+        array::map(*values, f64::from)
     }
 
     #[inline(always)]
     fn to_f32(self, value: [f64; 4]) -> [f32; 4] {
-        value.map(|x| x as f32)
+        array::map(value, |x| x as f32)
     }
 
     #[inline(always)]
@@ -116,52 +117,52 @@ impl F64x4Ops for BaselineSimd {
 
     #[inline(always)]
     fn add(self, a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
-        std::array::from_fn(|lane| a[lane] + b[lane])
+        array::from_fn(|lane| a[lane] + b[lane])
     }
 
     #[inline(always)]
     fn sub(self, a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
-        std::array::from_fn(|lane| a[lane] - b[lane])
+        array::from_fn(|lane| a[lane] - b[lane])
     }
 
     #[inline(always)]
     fn mul(self, a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
-        std::array::from_fn(|lane| a[lane] * b[lane])
+        array::from_fn(|lane| a[lane] * b[lane])
     }
 
     #[inline(always)]
     fn div(self, a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
-        std::array::from_fn(|lane| a[lane] / b[lane])
+        array::from_fn(|lane| a[lane] / b[lane])
     }
 
     #[inline(always)]
     fn mul_add(self, a: [f64; 4], b: [f64; 4], c: [f64; 4]) -> [f64; 4] {
-        std::array::from_fn(|lane| a[lane] * b[lane] + c[lane])
+        array::from_fn(|lane| a[lane] * b[lane] + c[lane])
     }
 
     #[inline(always)]
     fn mul_sub(self, a: [f64; 4], b: [f64; 4], c: [f64; 4]) -> [f64; 4] {
-        std::array::from_fn(|lane| a[lane] * b[lane] - c[lane])
+        array::from_fn(|lane| a[lane] * b[lane] - c[lane])
     }
 
     #[inline(always)]
     fn neg_mul_add(self, a: [f64; 4], b: [f64; 4], c: [f64; 4]) -> [f64; 4] {
-        std::array::from_fn(|lane| c[lane] - a[lane] * b[lane])
+        array::from_fn(|lane| c[lane] - a[lane] * b[lane])
     }
 
     #[inline(always)]
     fn sqrt(self, a: [f64; 4]) -> [f64; 4] {
-        a.map(f64::sqrt)
+        array::map(a, f64::sqrt)
     }
 
     #[inline(always)]
     fn abs(self, a: [f64; 4]) -> [f64; 4] {
-        a.map(f64::abs)
+        array::map(a, f64::abs)
     }
 
     #[inline(always)]
     fn relaxed_max(self, a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
-        std::array::from_fn(|lane| if a[lane] > b[lane] { a[lane] } else { b[lane] })
+        array::from_fn(|lane| if a[lane] > b[lane] { a[lane] } else { b[lane] })
     }
 
     #[inline(always)]
@@ -186,7 +187,7 @@ impl F64x4Ops for BaselineSimd {
 
     #[inline(always)]
     fn reduce_sums(self, v: [[f64; 4]; 4]) -> [f64; 4] {
-        v.map(|[x, y, z, w]| (x + y) + (z + w))
+        array::map(v, |[x, y, z, w]| (x + y) + (z + w))
     }
 
     #[inline(always)]

@@ -1,5 +1,6 @@
 //! Numerics: elementary functions, SIMD lanes, exact arithmetic, error bounds, distances in ulp.
 
+pub mod array;
 pub mod baseline_simd;
 pub mod error_bound;
 pub mod exact;

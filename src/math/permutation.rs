@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use crate::math::array;
 use crate::math::random::Random;
 
 /// The rounds of the Feistel network: enough that neighbours go apart.
@@ -40,7 +41,7 @@ impl Permutation {
     pub fn draw(count: u64, unit: u64, random: &mut Random) -> Self {
         let units = count / unit;
         let bits = u64::BITS - units.saturating_sub(1).leading_zeros();
-        let keys = std::array::from_fn(|_| random.bits());
+        let keys = array::from_fn(|_| random.bits());
         Self { unit, units, half: bits.div_ceil(2), keys, listed: None }
     }
 

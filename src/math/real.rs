@@ -2,9 +2,12 @@
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
+use crate::math::array;
+
 /// `f32` or `f64`: the operations of formulas that are generic over both.
 pub trait Real:
     Copy
+    + Default
     + PartialOrd
     + Neg<Output = Self>
     + Add<Output = Self>
@@ -87,7 +90,7 @@ real!(f64, f64::EPSILON / 2.0);
 /// Converts three components to another format, exactly.
 #[inline(always)]
 pub fn from_f32<R: Real>(v: [f32; 3]) -> [R; 3] {
-    v.map(R::from_f32)
+    array::map(v, R::from_f32)
 }
 
 /// The difference `a - b`.

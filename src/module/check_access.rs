@@ -78,6 +78,7 @@ struct AccessChecker<'m> {
 impl AccessChecker<'_> {
     /// The type of the value whose id is at a word; `None` where an unknown instruction may define
     /// it.
+    #[inline]
     fn value_type(&self, at: usize) -> Result<Option<TypeId>> {
         let id = Id(self.module.words[at]);
         match self.module.type_of(id) {

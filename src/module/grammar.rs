@@ -110,6 +110,7 @@ const OPTIONAL_ID: LogicalOperand =
     LogicalOperand { kind: OperandKind::IdRef, quantifier: OperandQuantifier::ZeroOrOne };
 
 /// The entry of an opcode's number; `None` where the tables do not know it.
+#[inline]
 pub(crate) fn opcode(number: u16) -> Option<&'static Opcode> {
     // The crate's own look-up is a linear search through 800 entries.
     static TABLE: LazyLock<OpcodeTable<Opcode>> = LazyLock::new(|| {

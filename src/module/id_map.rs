@@ -26,6 +26,7 @@ impl<T: Copy> IdMap<T> {
     }
 
     /// The value of an id.
+    #[inline]
     pub fn find(&self, id: Id) -> Option<T> {
         match self.table.get(id.0 as usize) {
             Some(value) => *value,
@@ -34,6 +35,7 @@ impl<T: Copy> IdMap<T> {
     }
 
     /// Sets the value of an id; returns the one that it replaces.
+    #[inline]
     pub fn insert(&mut self, id: Id, value: T) -> Option<T> {
         match self.table.get_mut(id.0 as usize) {
             Some(entry) => entry.replace(value),

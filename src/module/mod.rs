@@ -214,6 +214,7 @@ pub struct Module {
 impl Module {
     /// The operand words of an instruction (after result type and result id).
     #[doc(hidden)]
+    #[inline]
     pub fn operands(&self, instruction: &Instruction) -> &[u32] {
         &self.words[instruction.operands.start as usize..instruction.operands.end as usize]
     }
@@ -226,6 +227,7 @@ impl Module {
 
     /// What an id defines; `None` where no known instruction defines it.
     #[doc(hidden)]
+    #[inline]
     pub fn definition(&self, id: Id) -> Option<Definition> {
         self.definitions.find(id)
     }

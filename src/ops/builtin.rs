@@ -4,6 +4,7 @@ use crate::accel::{HitKind, Primitive, Tlas};
 use crate::geometry::ObjectRay;
 use crate::machine::invocation::{HitRef, InvocationField as Field, Invocations, LaneInvocation};
 use crate::machine::{Lanes, Mask};
+use crate::math::array;
 use crate::module::interface::Stage;
 
 pub use check::{check, matches};
@@ -67,7 +68,7 @@ impl BuiltinRead {
             Self::PerInstance(read) => {
                 let key = |lane: usize| {
                     let lanes = [&from.hits.instance, from.structures.indices(), &from.rays.time];
-                    lanes.map(|lanes| lanes.0[lane])
+                    array::map(lanes, |lanes| lanes.0[lane])
                 };
                 let mut known = None;
                 let mut read_at = |lane: usize, words: &mut [u32]| {
@@ -393,13 +394,15 @@ fn subgroup_mask(from: &LaneInvocation<'_>, to: &mut [u32], holds: impl Fn(u32, 
     }
 }
 
+#[inline]
 pub(super) fn floats(to: &mut [u32], values: &[f32]) {
-    for (to, value) in to.iter_mut().zip(values) {
-        *to = value.to_bits();
+    for (at, to) in to.iter_mut().enumerate() {
+        *to = values[at].to_bits();
     }
 }
 
 /// Writes a row-major 3x4 matrix column by column.
+#[inline]
 pub(super) fn columns(to: &mut [u32], rows: &[[f32; 4]; 3]) {
     for (at, to) in to.iter_mut().enumerate() {
         *to = rows[at % 3][at / 3].to_bits();

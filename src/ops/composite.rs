@@ -6,6 +6,7 @@ use smallvec::SmallVec;
 
 use crate::error::Result;
 use crate::machine::Reg;
+use crate::math::array;
 use crate::module::Instruction;
 use crate::module::ty::{Type, TypeId};
 use crate::ops::integer_operand::ReadAs;
@@ -87,7 +88,7 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
                 Type::Vector { component, .. } => Some(component),
                 _ => None,
             };
-            let parts = [translator.type_of(a)?, translator.type_of(b)?, ty].map(component);
+            let parts = array::map([translator.type_of(a)?, translator.type_of(b)?, ty], component);
             if parts[0].is_none() || parts.iter().any(|&part| part != parts[0]) {
                 return Err(translator.invalid("a shuffle takes and gives vectors of one component type"));
             }

@@ -11,6 +11,7 @@ use half::f16;
 
 use crate::machine::lanes::{Lanes, map1};
 use crate::machine::{Reg, Scalar};
+use crate::math::array;
 use crate::math::float;
 #[cfg(target_arch = "x86_64")]
 use crate::math::lane_ops::{LaneOps, LaneTask};
@@ -58,9 +59,9 @@ impl LaneTask for Truncate<'_> {
     fn run<V: LaneOps>(self, vectors: V) {
         let mut result = [0; 64];
         let from = self.registers[self.from.0 as usize].0.as_chunks::<8>().0;
-        for (words, to) in from.iter().zip(result.as_chunks_mut::<8>().0) {
-            let floats = vectors.load(&words.map(f32::from_bits));
-            *to = vectors.to_i32(floats).map(|integer| integer as u32);
+        for (at, to) in result.as_chunks_mut::<8>().0.iter_mut().enumerate() {
+            let floats = vectors.load(&array::map(from[at], f32::from_bits));
+            *to = array::map(vectors.to_i32(floats), |integer| integer as u32);
         }
         self.registers[self.to.0 as usize].0 = result;
     }
@@ -201,6 +202,7 @@ pub enum Conversion {
 
 /// The kernel that converts between two widths; `None` where they are equal and nothing is to be
 /// done, or no such types exist.
+#[inline]
 pub fn kernel(conversion: Conversion, from: u32, to: u32) -> Option<&'static LaneKernel> {
     let kernels = match conversion {
         Conversion::FToU => from_float_to_unsigned::KERNELS,

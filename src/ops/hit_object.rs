@@ -12,6 +12,7 @@ use crate::machine::hit_object::{Attributes, EncodedHit, EncodedRay, HitObject};
 use crate::machine::object::ObjectRef;
 use crate::machine::stop::RegSpan;
 use crate::machine::{AccessFault, Batch, Bindings, Mask, Reg, Registers, TrapCode};
+use crate::math::array;
 use crate::ops::access::{Access, object_accesses, object_write_accesses};
 use crate::ops::memory;
 
@@ -287,7 +288,7 @@ fn recorded_hit<const W: usize>(
     };
     let trace = trace(rest, RayFlags(0));
     check_ray(batch, lane, &trace)?;
-    let [a, b] = [0, 1].map(|at| attributes.get(at).map_or(0.0, |&word| f32::from_bits(word)));
+    let [a, b] = array::map([0, 1], |at| attributes.get(at).map_or(0.0, |&word| f32::from_bits(word)));
     let surface = surface(place.blas.kind(), HitKind(kind));
     let intersection = Intersection { t: trace.ray.t_max, attributes: [a, b], surface };
     let candidate = Candidate { instance, geometry, primitive, intersection, opaque: true };

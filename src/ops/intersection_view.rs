@@ -35,6 +35,7 @@ pub fn write_floats(to: &mut [u32], values: &[f32]) -> Result<(), TrapCode> {
 
 impl IntersectionView<'_> {
     /// The ray parameter, which the candidate of a box does not have.
+    #[inline]
     pub fn t(self, to: &mut [u32]) -> Result<(), TrapCode> {
         if self.candidate.is_box() && !self.committed {
             return Err(TrapCode::RayQueryNotTriangle);
@@ -53,6 +54,7 @@ impl IntersectionView<'_> {
     }
 
     /// Barycentrics; (u, 0) of spheres and linear swept spheres.
+    #[inline]
     pub fn barycentrics(self, to: &mut [u32]) -> Result<(), TrapCode> {
         self.require_not_box()?;
         write_floats(to, &self.candidate.intersection.attributes)

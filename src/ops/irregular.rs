@@ -7,6 +7,7 @@ use smallvec::SmallVec;
 
 use crate::error::Result;
 use crate::machine::Reg;
+use crate::math::array;
 use crate::module::ty::Type;
 use crate::module::{Id, Instruction};
 use crate::ops::arithmetic::{self, extended};
@@ -188,7 +189,7 @@ fn convert(translator: &mut Translator<'_>, conversion: Conversion, instruction:
     let (from, to) = (translator.scalar_width(operand)?, translator.scalar_width(ty)?);
     let takes_float = matches!(conversion, Conversion::FToU | Conversion::FToS | Conversion::F);
     let gives_float = matches!(conversion, Conversion::SToF | Conversion::UToF | Conversion::F);
-    let [source, target] = [operand, ty].map(|ty| translator.float_format(ty));
+    let [source, target] = array::map([operand, ty], |ty| translator.float_format(ty));
     if source.is_some() != takes_float || target.is_some() != gives_float {
         let name = crate::module::names::opcode_name(instruction.opcode);
         let [operand, ty] = [operand, ty].map(|ty| translator.module.describe_type(ty));

@@ -207,12 +207,14 @@ pub struct OpFamily {
 
 impl OpFamily {
     /// The kernel for operands of a width.
+    #[inline]
     pub fn kernel(&'static self, width: u32) -> Option<&'static LaneKernel> {
         self.kernels.iter().find(|kernel| kernel.width == width || kernel.width == 0)
     }
 }
 
 /// The family of an instruction's number.
+#[inline]
 pub fn family(set: InstructionSet, number: u32) -> Option<&'static OpFamily> {
     static TABLES: LazyLock<[OpcodeTable<&'static OpFamily>; 2]> = LazyLock::new(|| {
         [InstructionSet::Core, InstructionSet::Glsl].map(|set| {

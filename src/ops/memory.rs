@@ -215,11 +215,10 @@ impl MemoryOp {
                     let registers = batch.registers.span_mut(from, chunk.count);
                     // Lane by lane, as the words of different lanes may overlap.
                     for lane in batch.mask.lanes() {
-                        let words = words[firsts.0[lane] as usize..].iter();
-                        registers
-                            .iter()
-                            .zip(words)
-                            .for_each(|(register, word)| word.store(register.0[lane], Relaxed));
+                        let words = &words[firsts.0[lane] as usize..];
+                        for (at, register) in registers.iter().enumerate() {
+                            words[at].store(register.0[lane], Relaxed);
+                        }
                     }
                     return;
                 }
@@ -297,6 +296,7 @@ pub fn computed_register<const W: usize>(
 }
 
 #[allow(clippy::needless_range_loop, reason = "the shape that is vectorised")]
+#[inline]
 fn index_lanes<const W: usize>(
     batch: &mut Batch<W>,
     to: Reg,

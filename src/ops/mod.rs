@@ -97,6 +97,7 @@ pub static SECTIONS: &[&[&OpFamily]] = &[
 ///
 /// # Errors
 /// Those of [`translate_instruction`], and `InvalidModule` where the result is not of its type.
+#[inline]
 pub fn translate_checked(
     translator: &mut Translator<'_>,
     number: u16,
@@ -185,8 +186,8 @@ pub fn componentwise(
     let mut words = Words::new();
     for component in 0..operands[0].len() {
         let mut from = [Reg(0); 3];
-        for (from, operand) in from.iter_mut().zip(&operands[..arity]) {
-            *from = operand[component];
+        for (at, operand) in operands[..arity].iter().enumerate() {
+            from[at] = operand[component];
         }
         let to = translator.emit_kernel(kernel, &from[..arity])?;
         words.push(to);

@@ -51,8 +51,11 @@ impl Op {
     pub fn accesses(&self, mut visit: impl FnMut(Access)) {
         match self {
             Self::LaneKernel { kernel, to, from } => {
-                for (&reg, &words) in from.iter().zip(&kernel.operands).take_while(|(_, words)| **words > 0) {
-                    visit(Access::Read(reg, words));
+                for (at, &words) in kernel.operands.iter().enumerate() {
+                    if words == 0 {
+                        break;
+                    }
+                    visit(Access::Read(from[at], words));
                 }
                 visit(Access::Write(*to, kernel.words));
             }

@@ -14,6 +14,7 @@ use crate::error::Result;
 use crate::geometry::{ObjectRay, Ray};
 use crate::machine::object::ObjectRef;
 use crate::machine::{AccessFault, Batch, Bindings, Mask, RayQuery, Reg, TrapCode};
+use crate::math::array;
 use crate::ops::access::{Access, object_accesses, object_write_accesses};
 use crate::ops::builtin::{ValueShape, floats};
 use crate::ops::intersection_view::{IntersectionView, write_floats, write_word};
@@ -259,7 +260,9 @@ impl RayQueryOp {
                 let mut words = [0; 3];
                 let words = &mut words[..getter.shape.words() as usize];
                 (getter.read)(query.trace(), words);
-                batch.registers.set_lane_words(to, lane, words.iter().copied());
+                for (at, &word) in words.iter().enumerate() {
+                    batch.registers[to.plus(at as u32)].0[lane] = word;
+                }
                 Ok(())
             }),
             Self::Get { query, committed, getter, to } => {
@@ -268,7 +271,9 @@ impl RayQueryOp {
                     let mut words = [0; 12];
                     let words = &mut words[..getter.shape.words() as usize];
                     (getter.read)(intersection_view(query, committed)?, words)?;
-                    batch.registers.set_lane_words(to, lane, words.iter().copied());
+                    for (at, &word) in words.iter().enumerate() {
+                        batch.registers[to.plus(at as u32)].0[lane] = word;
+                    }
                     Ok(())
                 })
             }
@@ -322,21 +327,21 @@ fn initialize<const W: usize>(
     micromaps: bool,
 ) {
     // Mostly all lanes name one structure.
-    let mut known = ([0; 2], bindings.acceleration_structure([0; 2]));
+    let mut known = (0, bindings.acceleration_structure([0; 2]));
     for lane in batch.mask.lanes() {
         let words: [u32; OPERANDS as usize] = batch.registers.lane_array(operands, lane);
-        let structure = [words[0], words[1]];
+        let structure = u64::from(words[0]) | u64::from(words[1]) << 32;
         if structure != known.0 {
-            known = (structure, bindings.acceleration_structure(structure));
+            known = (structure, bindings.acceleration_structure([words[0], words[1]]));
         }
-        let mut fault_value = u64::from(words[0]) | u64::from(words[1]) << 32;
+        let mut fault_value = structure;
         let done = query.register(&batch.registers, lane).and_then(|register| {
             let tlas = known.1.ok_or(TrapCode::AccelerationStructureMissing)?;
             if !micromaps && tlas.has_micromaps() {
                 return Err(TrapCode::RayQueryMicromaps);
             }
-            let [t_min, t_max] = [words[7], words[11]].map(f32::from_bits);
-            let float3 = |at: usize| [0, 1, 2].map(|axis| f32::from_bits(words[at + axis]));
+            let [t_min, t_max] = array::map([words[7], words[11]], f32::from_bits);
+            let float3 = |at: usize| array::map([0, 1, 2], |axis| f32::from_bits(words[at + axis]));
             let ray = Ray { origin: float3(4), t_min, direction: float3(8), t_max };
             let trace = TraceRay { ray, flags: RayFlags(words[2]), cull_mask: words[3], time: 0.0 };
             if let Err(broken) = trace.check() {

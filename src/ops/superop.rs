@@ -31,6 +31,8 @@ mod verify;
 
 use std::ops::Range;
 
+use crate::math::array;
+
 pub use plan::{ResultUse, takes_float};
 
 /// One superinstruction.
@@ -68,7 +70,7 @@ impl SuperCode {
     /// Which superinstructions come from a range of operations.
     #[inline]
     pub(crate) fn range(&self, ops: &Range<u32>) -> Range<usize> {
-        let [start, end] = [ops.start, ops.end].map(|op| self.first[op as usize] as usize);
+        let [start, end] = array::map([ops.start, ops.end], |op| self.first[op as usize] as usize);
         start..end
     }
 }

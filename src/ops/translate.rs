@@ -20,6 +20,7 @@ use crate::error::{Error, ErrorKind, Place, Result};
 use crate::input::InputLimit;
 use crate::machine::stop::RegSpan;
 use crate::machine::{Binding, Reg, Registers};
+use crate::math::array;
 use crate::module::interface::Stage;
 use crate::module::ty::{Type, TypeId};
 use crate::module::{Definition, Id, Instruction, Module};
@@ -329,6 +330,7 @@ impl<'m> Translator<'m> {
     }
 
     /// Appends an operation.
+    #[inline]
     pub fn emit(&mut self, op: Op) {
         self.ops.push(op);
         self.origins.push(self.origin);
@@ -369,6 +371,7 @@ impl<'m> Translator<'m> {
 
     /// Appends a kernel on the given operands, or folds it if all of them are constants. Returns
     /// the first register of the result.
+    #[inline]
     pub fn emit_kernel(&mut self, kernel: &'static LaneKernel, from: &[Reg]) -> Result<Reg> {
         if self.float_controls.affects(kernel) {
             return float_controls::emit_controlled(self, kernel, from);
@@ -411,7 +414,7 @@ impl<'m> Translator<'m> {
             }
         }
         (kernel.eval_1)(self.folding_registers.all_mut(), Reg(0), &operands);
-        let [low, high] = [Reg(0), Reg(1)].map(|reg| u64::from(self.folding_registers[reg].0[0]));
+        let [low, high] = array::map([Reg(0), Reg(1)], |reg| u64::from(self.folding_registers[reg].0[0]));
         Some(low | high << 32)
     }
 
@@ -485,6 +488,7 @@ impl<'m> Translator<'m> {
     }
 
     /// Records, until the block ends, that a variable's register has the value of another register.
+    #[inline]
     pub fn set_known_value(&mut self, variable: Reg, value: Reg) {
         let registers = self.known_values.len().max(variable.0 as usize + 1);
         self.known_values.resize(registers, (0, Reg(0)));
@@ -564,6 +568,7 @@ impl<'m> Translator<'m> {
     ///
     /// # Errors
     /// `InvalidModule` where it has none.
+    #[inline]
     pub fn result_type(&self, instruction: &Instruction) -> Result<TypeId> {
         let id =
             instruction.result_type.ok_or_else(|| self.invalid("an instruction without a result type"))?;
@@ -571,6 +576,7 @@ impl<'m> Translator<'m> {
     }
 
     /// The type that an id stands for.
+    #[inline]
     pub fn type_id(&self, id: Id) -> Result<TypeId> {
         match self.module.definition(id) {
             Some(Definition::Type(ty)) => Ok(ty),
@@ -579,22 +585,26 @@ impl<'m> Translator<'m> {
     }
 
     /// The type of a value's id.
+    #[inline]
     pub fn type_of(&self, id: Id) -> Result<TypeId> {
         self.module.type_of(id).ok_or_else(|| self.invalid(format!("%{} has no type", id.0)))
     }
 
     /// An operand that is an id.
+    #[inline]
     pub fn id(&self, instruction: &Instruction, at: usize) -> Result<Id> {
         self.literal(instruction, at).map(Id)
     }
 
     /// An operand word.
+    #[inline]
     pub fn literal(&self, instruction: &Instruction, at: usize) -> Result<u32> {
         let word = self.module.operands(instruction).get(at).copied();
         word.ok_or_else(|| self.invalid(format!("operand {at} is missing")))
     }
 
     /// All operand words.
+    #[inline]
     pub fn operands(&self, instruction: &Instruction) -> &'m [u32] {
         self.module.operands(instruction)
     }

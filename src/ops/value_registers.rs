@@ -11,6 +11,7 @@ use crate::module::ty::TypeId;
 pub type Words = SmallVec<[Reg; 4]>;
 
 /// A list of consecutive registers from `first` on.
+#[inline]
 pub fn registers_from(first: Reg, count: u32) -> Words {
     match count as usize {
         // Avoids a loop: most values have at most four words.
@@ -20,6 +21,7 @@ pub fn registers_from(first: Reg, count: u32) -> Words {
 }
 
 /// Returns a list of the registers in `words`.
+#[inline]
 pub(super) fn words_from(words: &[Reg]) -> Words {
     match words.len() {
         // Avoids a call of `memcpy`.

@@ -15,6 +15,7 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::machine::format::Format;
 use crate::machine::image::{Image, Position};
 use crate::machine::{Binding, Descriptor};
+use crate::math::array;
 use crate::module::interface::Stage;
 use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::pipeline::launch::Launch;
@@ -133,7 +134,7 @@ impl Band<'_> {
             let message = format!("no texel ({x}, {y}) in rows {} to {}", rows.start, rows.end);
             Error::new(ErrorKind::InvalidArgument, message)
         })?;
-        Ok(self.image.format().decode_numbers(self.image.load(index)).map(|number| number as f32))
+        Ok(array::map(self.image.format().decode_numbers(self.image.load(index)), |number| number as f32))
     }
 }
 
@@ -248,7 +249,8 @@ impl BandedLaunch<'_> {
             resources.insert(self.image.binding, 0, Descriptor::Image(image.clone()));
             let mut run = || {
                 let launch = Launch { pipeline: self.launch.pipeline, resources: &resources };
-                let positions = [launched.start, launched.end].map(|row| u64::from(row) * u64::from(width));
+                let positions =
+                    array::map([launched.start, launched.end], |row| u64::from(row) * u64::from(width));
                 launch.run_positions::<W>(
                     [width, height, 1],
                     positions[0]..positions[1],

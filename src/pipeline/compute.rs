@@ -11,6 +11,7 @@ use crate::machine::{
     Bindings, ChoiceKind, LaunchLimits, Observer, OpenChoices, OrderPart, Resources, TaskWatch, Watchdog,
     Workgroup,
 };
+use crate::math::array;
 use crate::math::permutation::Permutation;
 use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::pipeline::order::{GroupOrder, OrderMatters};
@@ -258,7 +259,7 @@ impl Compute {
     /// `GlobalInvocationId` of the last invocation of a workgroup.
     fn last_id(&self, index: u64, groups: [u32; 3]) -> [u32; 3] {
         let group = self.group(index, groups);
-        std::array::from_fn(|axis| group.id[axis] * group.size[axis] + group.size[axis] - 1)
+        array::from_fn(|axis| group.id[axis] * group.size[axis] + group.size[axis] - 1)
     }
 
     /// Runs as [`Compute::run`] does; the inner result is the whole [`Trapped`], whose shader is 0.

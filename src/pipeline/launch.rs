@@ -6,6 +6,7 @@ use std::sync::Arc;
 use crate::accel::Tlas;
 use crate::error::{Error, ErrorKind, Result};
 use crate::machine::{Bindings, Observer, OpenChoices, Reg, Registers, Resources, TaskWatch, Watchdog};
+use crate::math::array;
 use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::ops::ray_rules;
 use crate::pipeline::Pipeline;
@@ -292,7 +293,7 @@ impl Launch<'_> {
     pub(super) fn subgroup_of(&self, id: [u32; 3], size: [u32; 3]) -> Range<u64> {
         let subgroup = u64::from(self.pipeline.subgroup_size);
         let first = InvocationOrder::by_index(size).linear_index(id) / subgroup * subgroup;
-        let count: u64 = size.map(u64::from).iter().product();
+        let count: u64 = array::map(size, u64::from).iter().product();
         first..count.min(first + subgroup)
     }
 

@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use crate::machine::{ChoiceKind, OpenChoices, OrderPart};
+use crate::math::array;
 use crate::math::permutation::Permutation;
 
 /// The width and height of a tile.
@@ -42,7 +43,7 @@ impl OrderMatters {
 impl InvocationOrder {
     /// Launch indices in row-major order, x fastest: for shaders whose results depend on the order.
     pub(super) fn by_index(size: [u32; 3]) -> Self {
-        Self { size: size.map(u64::from), tiled: false, drawn: None }
+        Self { size: array::map(size, u64::from), tiled: false, drawn: None }
     }
 
     /// Launch indices by tiles of 8 x 8 invocations, row after row of tiles, so that a batch of 64
@@ -78,7 +79,7 @@ impl InvocationOrder {
 
     /// The size of the grid.
     pub(super) fn size(&self) -> [u32; 3] {
-        self.size.map(|side| side as u32)
+        array::map(self.size, |side| side as u32)
     }
 
     /// The launch indices at a range of positions, as runs along a scanline in which x increases by
@@ -98,7 +99,7 @@ impl InvocationOrder {
 
     /// The row-major linear index of a launch index, x fastest.
     pub(super) fn linear_index(&self, id: [u32; 3]) -> u64 {
-        let [x, y, z] = id.map(u64::from);
+        let [x, y, z] = array::map(id, u64::from);
         (z * self.size[1] + y) * self.size[0] + x
     }
 
@@ -128,14 +129,14 @@ pub(super) struct GroupOrder {
 impl GroupOrder {
     /// Workgroups in row-major order.
     pub(super) fn by_index(count: [u32; 3]) -> Self {
-        Self { count: count.map(u64::from), band: 1 }
+        Self { count: array::map(count, u64::from), band: 1 }
     }
 
     /// Workgroups of so many invocations along each axis by tiles of them, so that the workgroups
     /// which share a batch of 64 cover about as many rows as columns: their rays are more coherent
     /// than those of workgroups in a row.
     pub(super) fn by_tiles(count: [u32; 3], size: [u32; 3]) -> Self {
-        let [width, height, depth] = size.map(u64::from);
+        let [width, height, depth] = array::map(size, u64::from);
         let together = TILE_SIDE * TILE_SIDE / (width * height * depth).max(1);
         let mut band = 1;
         while band * 2 <= together && height * band * 2 <= width * (together / (band * 2)) {

@@ -84,7 +84,7 @@ impl<const W: usize> IntersectionReport<W> {
                 }
                 None => {
                     trace.cursor_mut(lane).generate(t, kind);
-                    trace.commit_attributes(lane, reported.attributes.clone());
+                    trace.commit_attributes(lane, Words::from_slice(&reported.attributes));
                     report.write_result(batch, lane, &reported, true, observer);
                 }
                 Some(shader) => {
@@ -143,7 +143,7 @@ impl<const W: usize> IntersectionReport<W> {
                 }
                 Exit::Returned | Exit::Terminated => {
                     trace.cursor_mut(lane).generate(reported.t, reported.kind);
-                    trace.commit_attributes(lane, reported.attributes.clone());
+                    trace.commit_attributes(lane, Words::from_slice(&reported.attributes));
                     true
                 }
             };

@@ -15,6 +15,7 @@ use crate::accel::{Candidate, Committed, Cursor, LookAhead, RecordIndex, Tlas};
 use crate::machine::invocation::{LaneTlases, RayLanes};
 use crate::machine::stop::RegSpan;
 use crate::machine::{HitRecordTerms, Lanes, Mask, OpenChoices, Registers, ShaderIndex, TrapCode};
+use crate::math::array;
 use crate::pipeline::Pipeline;
 use crate::pipeline::group::{Group, HitGroup, Role};
 use crate::pipeline::observer::{Caller, EventReceiver};
@@ -155,16 +156,18 @@ impl<const W: usize> Trace<W> {
 
     /// `LaunchIdKHR` of a lane.
     pub(super) fn launch_id(&self, lane: usize) -> [u32; 3] {
-        self.launch_id.each_ref().map(|register| register.0[lane])
+        array::map(self.launch_id.each_ref(), |register| register.0[lane])
     }
 
     /// The traversal of a lane's ray that may call shaders.
+    #[inline]
     pub(super) fn cursor(&self, lane: usize) -> &Cursor {
         let cursor = self.cursors.get(lane).and_then(Option::as_ref);
         cursor.expect("bug in anyhit: a lane without a ray called a shader")
     }
 
     /// The traversal of a lane's ray that may call shaders.
+    #[inline]
     pub(super) fn cursor_mut(&mut self, lane: usize) -> &mut Cursor {
         let cursor = self.cursors.get_mut(lane).and_then(Option::as_mut);
         cursor.expect("bug in anyhit: a lane without a ray called a shader")

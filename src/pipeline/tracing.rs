@@ -7,6 +7,7 @@ use crate::geometry::Ray;
 use crate::machine::object::ObjectRef;
 use crate::machine::stop::RegSpan;
 use crate::machine::{AccessFault, Bindings, Mask, Reg, Registers, TrapCode};
+use crate::math::array;
 use crate::ops::hit_object;
 use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::ops::ray_tracing::TRACE_OPERANDS;
@@ -60,6 +61,7 @@ impl<const W: usize> Trace<W> {
     }
 
     /// The registers that hold the payload; `below` are the frames under the trace.
+    #[inline]
     pub(super) fn payload<'a>(&'a mut self, below: &'a mut [ShaderCallFrame<W>]) -> &'a mut Registers<W> {
         match (&mut self.host_payload, below) {
             (Some(own), _) => own,
@@ -151,8 +153,9 @@ where
                     launch_id,
                     depth: trace.depth,
                     trace: trace.rays.get(lane),
-                    sbt: [&trace.sbt_offset, &trace.sbt_stride, &trace.miss_index]
-                        .map(|operand| operand.0[lane]),
+                    sbt: array::map([&trace.sbt_offset, &trace.sbt_stride, &trace.miss_index], |operand| {
+                        operand.0[lane]
+                    }),
                     payload: words,
                 });
             }

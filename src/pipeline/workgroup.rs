@@ -17,6 +17,7 @@ use crate::machine::{
     Batch, Bindings, BlockIndex, Exit, LaneTrap, Mask, Observer, OpIndex, ShaderIndex, Stop, TaskWatch,
     TrapCode, Workgroup,
 };
+use crate::math::array;
 use crate::math::permutation::Permutation;
 use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::ops::op::Op;
@@ -271,7 +272,7 @@ where
             let lanes = used.saturating_sub(at * W).min(W);
             let invocations = &mut member.batch.invocations;
             let Workgroup { count, size, .. } = &*groups[0];
-            let launch_size = std::array::from_fn(|axis| count[axis] * size[axis]);
+            let launch_size = array::from_fn(|axis| count[axis] * size[axis]);
             invocations.begin_workgroups(launch_size, self.limits.subgroup_size);
             for lane in 0..lanes {
                 let position = at * W + lane;

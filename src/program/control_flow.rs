@@ -67,6 +67,7 @@ fn push_successors(module: &Module, function: &Function, block: usize, next: &mu
 }
 
 /// The index of a function's block, by its label.
+#[inline]
 pub fn block_of(module: &Module, function: &Function, label: Id) -> Option<usize> {
     let Some(Definition::Label(_, block)) = module.definition(label) else { return None };
     // The label may be that of another function.

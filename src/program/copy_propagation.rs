@@ -14,6 +14,7 @@ use rustc_hash::FxHashMap;
 use smallvec::SmallVec;
 
 use crate::machine::{BlockIndex, OpIndex, Reg};
+use crate::math::array;
 use crate::ops::access::Access;
 use crate::ops::memory;
 use crate::ops::op::Op;
@@ -124,8 +125,8 @@ pub(super) fn for_each_terminator_read(terminator: &Terminator, mut visit: impl 
 fn for_each_renameable_use(op: &mut Op, mut visit: impl FnMut(&mut Reg)) {
     match op {
         Op::LaneKernel { kernel, from, .. } => {
-            for (reg, &words) in from.iter_mut().zip(&kernel.operands) {
-                if words == 1 {
+            for (at, reg) in from.iter_mut().enumerate() {
+                if kernel.operands[at] == 1 {
                     visit(reg);
                 }
             }
@@ -229,7 +230,7 @@ impl Stores {
                 if let &Op::Memory(memory::MemoryOp::MoveMasked { to, from }) = op
                     && bits[to.0 as usize] != NONE
                 {
-                    let [to, from] = [to, from].map(|reg| bits[reg.0 as usize]);
+                    let [to, from] = array::map([to, from], |reg| bits[reg.0 as usize]);
                     stores.events.push(Event::Store { at: OpIndex::new(at), to, from });
                     continue;
                 }

@@ -43,6 +43,7 @@ impl<'a> LivenessMarker<'a> {
     }
 
     /// Marks registers as read.
+    #[inline]
     fn read(&mut self, first: Reg, count: u32) {
         for register in first.0..first.0 + count {
             let register = register as usize;
@@ -71,14 +72,12 @@ impl<'a> LivenessMarker<'a> {
                 |access| match access {
                     Access::Write(first, count) => {
                         let registers = first.0 as usize..(first.0 + count) as usize;
-                        for (&live, unread_head) in
-                            live[registers.clone()].iter().zip(&mut unread_head[registers])
-                        {
-                            if live {
+                        for register in registers {
+                            if live[register] {
                                 needed = true;
                             } else {
-                                unread_writers.push((OpIndex::new(at), *unread_head));
-                                *unread_head = unread_writers.len() as u32 - 1;
+                                unread_writers.push((OpIndex::new(at), unread_head[register]));
+                                unread_head[register] = unread_writers.len() as u32 - 1;
                             }
                         }
                     }

@@ -2,6 +2,7 @@
 //! turns.
 
 use crate::machine::{BlockIndex, LaneTrap, LoopTurns, OpIndex, Reg};
+use crate::math::array;
 use crate::module::ty::{Type, TypeId};
 use crate::module::{Id, Module};
 use crate::ops::access::Access;
@@ -141,7 +142,7 @@ impl Program {
         }
         let is_known = |variable: &&LoopVariable| {
             translated.watched[variable.first..variable.first + variable.count].iter().all(|reg| {
-                let [all, kept] = [&stores[0], &stores[1]].map(|of| of[reg.0 as usize]);
+                let [all, kept] = array::map([&stores[0], &stores[1]], |of| of[reg.0 as usize]);
                 used[reg.0 as usize] && all == kept && !optimized.optimized.reassigned.contains(reg)
             })
         };

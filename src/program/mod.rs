@@ -34,7 +34,7 @@ use crate::accel::RayRule;
 use crate::error::{Error, ErrorKind, Result};
 use crate::machine::device_memory::STRUCTURE_HANDLE;
 use crate::machine::{
-    AccessFault, Batch, Binding, Bindings, BlockIndex, Exit, LaneTrap, Lanes, Mask, OpIndex, Reg, Registers,
+    AccessFault, Batch, Binding, Bindings, BlockIndex, Exit, LaneTrap, Mask, OpIndex, Reg, Registers,
     TrapCode,
 };
 use crate::module::interface::{EntryPoint, Stage};
@@ -333,6 +333,7 @@ impl Program {
 
     /// Whether it has no output and no effect, and cannot trap.
     #[doc(hidden)]
+    #[inline]
     pub fn is_empty(&self) -> bool {
         let ends =
             |block: &Block| matches!(block.terminator, Terminator::Return | Terminator::Exit(Exit::Returned));
@@ -380,7 +381,9 @@ impl Program {
     #[doc(hidden)]
     pub fn begin<const W: usize>(&self, batch: &mut Batch<W>, mask: Mask<W>, fuel: u64) {
         for &(first, count) in &self.variables {
-            batch.registers.span_mut(first, count).fill(Lanes::splat(0));
+            for register in batch.registers.span_mut(first, count) {
+                register.0 = [0; W];
+            }
         }
         self.refresh_inputs(batch, mask, false);
         batch.begin(mask, BlockIndex(0), self.blocks[0].first, fuel);
@@ -398,6 +401,7 @@ impl Program {
 
     /// The registers of the variable of a storage class of which an entry point has at most one.
     #[doc(hidden)]
+    #[inline]
     pub fn interface_registers(&self, storage_class: u32) -> Option<&InterfaceRegisters> {
         self.interface.iter().find(|registers| registers.storage_class == storage_class)
     }

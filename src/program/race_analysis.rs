@@ -28,6 +28,7 @@ use rustc_hash::FxHashMap;
 use smallvec::SmallVec;
 
 use crate::machine::{Binding, Bindings, Descriptor, OpIndex, Reg, Resources};
+use crate::math::array;
 use crate::ops::access::Access;
 use crate::ops::arithmetic::{IAdd, IMul, ISub, SNegate};
 use crate::ops::atomic::{AtomicKind, AtomicTarget, Update};
@@ -560,7 +561,7 @@ impl<'a> ValueTracking<'a> {
 
     /// A component of a builtin as an expression.
     fn builtin(&self, number: u32, axis: u8) -> Option<AffineExpr> {
-        let size = self.program.workgroup.map_or([1; 3], |layout| layout.size).map(i64::from);
+        let size = array::map(self.program.workgroup.map_or([1; 3], |layout| layout.size), i64::from);
         let of = |symbol, factor| AffineExpr::of(SmallVec::from_slice(&[symbol]), factor);
         match number {
             LAUNCH_ID | WORKGROUP_ID => Some(AffineExpr::symbol(Symbol::Index(axis))),

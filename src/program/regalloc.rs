@@ -514,8 +514,8 @@ impl LocalValues {
 fn for_each_renameable(op: &mut Op, mut visit: impl FnMut(&mut Reg, OperandKind)) {
     match op {
         Op::LaneKernel { kernel, to, from } => {
-            for (reg, &words) in from.iter_mut().zip(&kernel.operands) {
-                if words == 1 {
+            for (at, reg) in from.iter_mut().enumerate() {
+                if kernel.operands[at] == 1 {
                     visit(reg, OperandKind::Use);
                 }
             }

@@ -17,6 +17,7 @@ use crate::accel::geometry::primitive_count;
 use crate::accel::{InstanceFlags, Tlas, TlasInstance, TraceRay};
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::input::{InputLimit, InputLimits, read_argument};
+use crate::math::array;
 use crate::recording::tensors::Tensors;
 
 pub use compare::Comparison;
@@ -219,7 +220,7 @@ fn instances(tensors: &Tensors<'_>, blas: &Arc<crate::accel::Blas>) -> Result<Ve
     let of = |all: &Option<Vec<u32>>, at: usize, without: u32| all.as_ref().map_or(without, |all| all[at]);
     let instance = |(at, m): (usize, &[f32; 12])| TlasInstance {
         blas: blas.clone(),
-        transform: std::array::from_fn(|row| std::array::from_fn(|column| m[4 * row + column])),
+        transform: array::from_fn(|row| array::from_fn(|column| m[4 * row + column])),
         motion: None,
         // Only the low 24 bits, if there are more instances than that.
         custom_index: of(&custom, at, (100 + at as u32) & 0xFF_FFFF),

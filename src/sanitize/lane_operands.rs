@@ -1,6 +1,7 @@
 //! The operands of a lane kernel in one lane, and what rules ask of them.
 
 use crate::machine::{Lanes, Reg, Registers};
+use crate::math::array;
 use crate::ops::lane_kernel::LaneKernel;
 use crate::sanitize::flushed_use::FlushedUse;
 
@@ -30,7 +31,7 @@ impl LaneOperands {
             let Lanes(words) = &registers[register];
             words[lane].into()
         };
-        let bits = std::array::from_fn(|at| match kernel.operands[at] {
+        let bits = array::from_fn(|at| match kernel.operands[at] {
             0 => 0,
             1 => word(from[at]),
             _ => word(from[at]) | word(from[at].plus(1)) << 32,

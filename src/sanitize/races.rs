@@ -32,6 +32,7 @@ use rspirv::spirv::{Op as Opcode, Scope};
 use rustc_hash::FxHashSet;
 
 use crate::machine::{Batch, Binding, Bindings, Reg};
+use crate::math::array;
 use crate::module::Id;
 use crate::ops::atomic::{AtomicKind, AtomicOp, AtomicTarget};
 use crate::ops::image::ImageOp;
@@ -448,7 +449,7 @@ pub(super) fn launch_id<const W: usize>(
     let size = workgroup.invocations();
     let id = unpack(invocation / size, workgroup.count);
     let local = workgroup.local_id(layout.index_of(invocation % size));
-    std::array::from_fn(|axis| id[axis] * workgroup.size[axis] + local[axis])
+    array::from_fn(|axis| id[axis] * workgroup.size[axis] + local[axis])
 }
 
 fn instruction(program: &Program, place: OpPlace) -> InstructionWords<'_> {

@@ -13,6 +13,7 @@ use glam::{DMat4, DVec4};
 
 use crate::error::Result;
 use crate::error::names::list_of;
+use crate::math::array;
 use crate::scene::data_sources::DataSources;
 use crate::scene::mesh::material::Projection;
 use crate::scene::read::{Named, OneOrMore, Parse, Span, Spanned, Table, TomlValue};
@@ -364,7 +365,7 @@ impl Camera {
 }
 
 fn sub(a: [f32; 3], b: [f32; 3]) -> [f64; 3] {
-    std::array::from_fn(|i| f64::from(a[i]) - f64::from(b[i]))
+    array::from_fn(|i| f64::from(a[i]) - f64::from(b[i]))
 }
 
 fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
@@ -384,7 +385,7 @@ mod tests {
     fn matrices(camera: &Camera, aspect: f32) -> [f32; 32] {
         let view = camera.view(aspect).unwrap();
         let both = [view.view_inverse, view.projection_inverse].map(|matrix| matrix.to_cols_array());
-        std::array::from_fn(|i| both[i / 16][i % 16] as f32)
+        array::from_fn(|i| both[i / 16][i % 16] as f32)
     }
 
     fn camera() -> Camera {

@@ -7,6 +7,7 @@
 use crate::accel::{EndCaps, GeometryData, Indexing};
 use crate::error::ErrorKind;
 use crate::input::InputLimit;
+use crate::math::array;
 use crate::math::random::Random;
 use crate::scene::read::{Parse, Span, Spanned, Table, TomlValue};
 
@@ -426,7 +427,7 @@ fn on_ground(random: &mut Random, area: [f32; 2]) -> [f32; 2] {
 /// The direction plus a random vector, normalized.
 fn perturbed(direction: [f32; 3], amount: f32, random: &mut Random) -> [f32; 3] {
     let other = random.sphere();
-    normalized(std::array::from_fn(|i| direction[i] + amount * other[i]))
+    normalized(array::from_fn(|i| direction[i] + amount * other[i]))
 }
 
 /// The vector with length 1; straight up if the vector is zero.
@@ -436,7 +437,7 @@ fn normalized(a: [f32; 3]) -> [f32; 3] {
 }
 
 fn advance(from: [f32; 3], direction: [f32; 3], length: f32) -> [f32; 3] {
-    std::array::from_fn(|i| from[i] + length * direction[i])
+    array::from_fn(|i| from[i] + length * direction[i])
 }
 
 #[cfg(test)]
@@ -556,7 +557,7 @@ mod tests {
             let length = |a: [f32; 3]| (a[0] * a[0] + a[1] * a[1] + a[2] * a[2]).sqrt();
             assert!((length(strand[0]) - 2.0).abs() < 1e-5);
             for pair in strand.windows(2) {
-                let step = length(std::array::from_fn(|i| pair[1][i] - pair[0][i]));
+                let step = length(array::from_fn(|i| pair[1][i] - pair[0][i]));
                 assert!((step - 0.1).abs() < 1e-5);
             }
             assert_eq!(radii[0], 0.01);

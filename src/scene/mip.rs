@@ -8,6 +8,7 @@
 
 use crate::machine::format::{Class, Component, Format};
 use crate::machine::image::ImageShape;
+use crate::math::array;
 use crate::scene::image::{texel_bytes, texel_numbers};
 
 /// Generates the texels of the levels 1 and up from those of level 0.
@@ -43,7 +44,7 @@ pub fn generate(format: Format, shape: &ImageShape, level0: &[u8]) -> Result<Vec
                                 for (i, weight_x) in covered(x, extent[0], shape.extent[0]) {
                                     let weight = weight_x * weight_y * weight_z;
                                     let texel: [f64; 4] = row[i];
-                                    *sum = std::array::from_fn(|part| sum[part] + weight * texel[part]);
+                                    *sum = array::from_fn(|part| sum[part] + weight * texel[part]);
                                 }
                             }
                         }
@@ -83,7 +84,7 @@ impl TexelDecoder {
             return texel_numbers(self.format, texel);
         }
         // Channels that are missing have the same number in all of them.
-        std::array::from_fn(|part| self.bytes[usize::from(texel.get(part).copied().unwrap_or(0))][part])
+        array::from_fn(|part| self.bytes[usize::from(texel.get(part).copied().unwrap_or(0))][part])
     }
 }
 

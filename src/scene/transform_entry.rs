@@ -2,6 +2,7 @@
 
 use glam::{DMat4, DVec4};
 
+use crate::math::array;
 use crate::scene::read::{OneOrMore, Parse, Spanned, Table, TomlValue};
 use crate::scene::tree::Toml;
 
@@ -23,8 +24,8 @@ pub(super) fn parse_transform(table: &Table<'_>) -> Option<[[f32; 4]; 3]> {
         None => [1.0; 3],
     };
     let rotation = rotate.map_or([[1., 0., 0.], [0., 1., 0.], [0., 0., 1.]], |rotation| rotation.matrix());
-    Some(std::array::from_fn(|row| {
-        std::array::from_fn(|column| match column {
+    Some(array::from_fn(|row| {
+        array::from_fn(|column| match column {
             3 => translate[row],
             _ => (rotation[row][column] * f64::from(scale[column])) as f32,
         })
@@ -51,7 +52,7 @@ impl Parse for Matrix {
             return <[[f32; 4]; 3]>::parse(value).map(Self);
         }
         let flat = <[f32; 12]>::parse(value)?;
-        Some(Self(std::array::from_fn(|row| std::array::from_fn(|column| flat[4 * row + column]))))
+        Some(Self(array::from_fn(|row| array::from_fn(|column| flat[4 * row + column]))))
     }
 }
 
@@ -98,8 +99,8 @@ impl Rotation {
         let (sine, cosine) = (f64::from(pxfm::f_sinpif(half_turns)), f64::from(pxfm::f_cospif(half_turns)));
         let a = self.unit_axis();
         let cross = [[0., -a[2], a[1]], [a[2], 0., -a[0]], [-a[1], a[0], 0.]];
-        std::array::from_fn(|i| {
-            std::array::from_fn(|j| {
+        array::from_fn(|i| {
+            array::from_fn(|j| {
                 let one = if i == j { cosine } else { 0.0 };
                 one + sine * cross[i][j] + (1.0 - cosine) * a[i] * a[j]
             })

@@ -1,6 +1,7 @@
 //! Seeded random rays and shapes near the boundary between hit and miss.
 
 use crate::geometry::Ray;
+use crate::math::array;
 
 type Matrix = [[f32; 4]; 3];
 
@@ -80,12 +81,12 @@ impl Draw {
 
     /// A point of the integer lattice times s.
     pub fn lattice(&mut self, s: f32) -> [f32; 3] {
-        std::array::from_fn(|_| self.small() * s)
+        array::from_fn(|_| self.small() * s)
     }
 
     /// A point of the cube from -s to s.
     pub fn anywhere(&mut self, s: f32) -> [f32; 3] {
-        std::array::from_fn(|_| self.unit() * s)
+        array::from_fn(|_| self.unit() * s)
     }
 
     /// Centre and radius of a sphere; the radius may be 0 or negative.
@@ -151,13 +152,13 @@ impl Draw {
     pub fn triangle(&mut self) -> [[f32; 3]; 3] {
         let s = self.scale();
         match self.below(4) {
-            0 | 1 => std::array::from_fn(|_| self.lattice(s)),
-            2 => std::array::from_fn(|_| self.anywhere(s)),
+            0 | 1 => array::from_fn(|_| self.lattice(s)),
+            2 => array::from_fn(|_| self.anywhere(s)),
             // A needle: the third vertex is a few bits off the edge.
             _ => {
                 let (a, b) = (self.anywhere(s), self.anywhere(s));
                 let u = self.unit();
-                [a, b, std::array::from_fn(|i| a[i] + (b[i] - a[i]) * u)]
+                [a, b, array::from_fn(|i| a[i] + (b[i] - a[i]) * u)]
             }
         }
     }
@@ -170,8 +171,8 @@ impl Draw {
         } else {
             (self.anywhere(s), self.anywhere(s))
         };
-        let mut min: [f32; 3] = std::array::from_fn(|i| a[i].min(b[i]));
-        let mut max: [f32; 3] = std::array::from_fn(|i| a[i].max(b[i]));
+        let mut min: [f32; 3] = array::from_fn(|i| a[i].min(b[i]));
+        let mut max: [f32; 3] = array::from_fn(|i| a[i].max(b[i]));
         if self.one_in(8) {
             min[self.below(3)] = f32::NEG_INFINITY;
         }
@@ -191,15 +192,15 @@ impl Draw {
     pub fn matrix(&mut self) -> Matrix {
         let s = self.scale();
         let mut m: Matrix = match self.below(4) {
-            0 => std::array::from_fn(|_| std::array::from_fn(|_| self.small().clamp(-2.0, 2.0))),
-            1 => std::array::from_fn(|i| std::array::from_fn(|j| if i == j { self.unit() * s } else { 0.0 })),
+            0 => array::from_fn(|_| array::from_fn(|_| self.small().clamp(-2.0, 2.0))),
+            1 => array::from_fn(|i| array::from_fn(|j| if i == j { self.unit() * s } else { 0.0 })),
             2 => {
-                let row: [f32; 4] = std::array::from_fn(|_| self.unit());
+                let row: [f32; 4] = array::from_fn(|_| self.unit());
                 let mut near = row;
                 near[self.below(3)] += f32::EPSILON * self.small();
-                [row, near, std::array::from_fn(|_| self.unit())]
+                [row, near, array::from_fn(|_| self.unit())]
             }
-            _ => std::array::from_fn(|_| std::array::from_fn(|_| self.unit() * s)),
+            _ => array::from_fn(|_| array::from_fn(|_| self.unit() * s)),
         };
         for row in &mut m {
             row[3] = if self.one_in(2) { self.small() } else { self.unit() * s };
@@ -221,7 +222,7 @@ impl Draw {
     /// image overflows f32.
     pub fn image(&mut self, m: Matrix, origin: [f32; 3], direction: [f32; 3]) -> TransformedRay {
         let apply = |v: [f32; 3], w: f32| -> [f32; 3] {
-            std::array::from_fn(|i| m[i][0] * v[0] + m[i][1] * v[1] + m[i][2] * v[2] + m[i][3] * w)
+            array::from_fn(|i| m[i][0] * v[0] + m[i][1] * v[1] + m[i][2] * v[2] + m[i][3] * w)
         };
         let ray = Ray::new(apply(origin, 1.0), apply(direction, 0.0));
         let finite = ray.origin.iter().chain(&ray.direction).all(|x| x.is_finite());
@@ -233,13 +234,13 @@ impl Draw {
     pub fn ray_near(&mut self, positions: [[f32; 3]; 2], radii: [f32; 2]) -> TransformedRay {
         let finite = |x: f32| if x.is_finite() { x } else { 0.0 };
         let [p, q] = positions.map(|v| v.map(finite));
-        let s = self.size(std::array::from_fn(|i| q[i] - p[i]));
+        let s = self.size(array::from_fn(|i| q[i] - p[i]));
         let s = 2f32.powi(s.log2().round() as i32);
         if self.one_in(3) {
             // The ray connects points of the lattice.
-            let origin = std::array::from_fn(|i| p[i] + self.small() * s);
+            let origin = array::from_fn(|i| p[i] + self.small() * s);
             let direction = self.lattice(1.0);
-            let ends = std::array::from_fn(|i| q[i] - p[i]);
+            let ends = array::from_fn(|i| q[i] - p[i]);
             let direction = if self.one_in(4) { ends } else { direction };
             return self.transformed(origin, direction);
         }
@@ -248,12 +249,12 @@ impl Draw {
         let normal = self.direction();
         let r = radii[0] + (radii[1] - radii[0]) * u;
         let off = 1.0 + [0.0, 1e-7, -1e-7, 1e-4, -1e-3, -0.5][self.below(6)];
-        let touched: [f32; 3] = std::array::from_fn(|i| p[i] + (q[i] - p[i]) * u + normal[i] * r * off);
+        let touched: [f32; 3] = array::from_fn(|i| p[i] + (q[i] - p[i]) * u + normal[i] * r * off);
         let free = self.direction();
         let slide: f32 = if self.one_in(2) { (0..3).map(|i| free[i] * normal[i]).sum() } else { 0.0 };
-        let direction: [f32; 3] = std::array::from_fn(|i| free[i] - normal[i] * slide);
+        let direction: [f32; 3] = array::from_fn(|i| free[i] - normal[i] * slide);
         let far = [0.0, 1.0, 3.0, 1e3, 1e6][self.below(5)] * s;
-        let origin = std::array::from_fn(|i| touched[i] - direction[i] * far);
+        let origin = array::from_fn(|i| touched[i] - direction[i] * far);
         let long = self.scale();
         self.transformed(origin, direction.map(|x| x * long))
     }
@@ -279,7 +280,7 @@ impl Draw {
         }
         let far = [0.0, 0.5, 1.0, 2.0, 4.0, 64.0, 1e3, 1e6, 1e12][self.below(9)] * f64::from(s);
         let before = |i: usize| f64::from(target[i]) - f64::from(direction[i]) * far;
-        let origin = std::array::from_fn(|i| before(i).clamp(-3e38, 3e38) as f32);
+        let origin = array::from_fn(|i| before(i).clamp(-3e38, 3e38) as f32);
         let long = self.scale();
         // Components of very different sizes miss it by a bit.
         let mixed = self.one_in(8);
@@ -297,12 +298,12 @@ impl Draw {
             _ => [self.unit().abs() * 0.5, self.unit().abs() * 0.5],
         };
         let target: [f32; 3] =
-            std::array::from_fn(|i| v[0][i] + b * (v[1][i] - v[0][i]) + c * (v[2][i] - v[0][i]));
-        let s = self.size(std::array::from_fn(|i| v[1][i] - v[0][i]));
+            array::from_fn(|i| v[0][i] + b * (v[1][i] - v[0][i]) + c * (v[2][i] - v[0][i]));
+        let s = self.size(array::from_fn(|i| v[1][i] - v[0][i]));
         let s = 2f32.powi(s.log2().round() as i32);
         let direction = if self.one_in(2) { self.lattice(1.0) } else { self.direction() };
         let far = [1.0, 2.0, 1e3, 1e6][self.below(4)] * s;
-        let origin = std::array::from_fn(|i| target[i] - direction[i] * far);
+        let origin = array::from_fn(|i| target[i] - direction[i] * far);
         let long = self.scale();
         self.transformed(origin, direction.map(|x| x * long))
     }
@@ -340,7 +341,7 @@ impl Draw {
         for i in 0..3 {
             matrix[i][(i + turn) % 3] = if self.one_in(2) { 2.0 } else { -0.5 };
         }
-        let apply = |v: [f32; 3]| std::array::from_fn(|i| v[(i + turn) % 3] * matrix[i][(i + turn) % 3]);
+        let apply = |v: [f32; 3]| array::from_fn(|i| v[(i + turn) % 3] * matrix[i][(i + turn) % 3]);
         let ray = Ray::new(apply(ray.origin), apply(ray.direction));
         (points, TransformedRay { ray, matrix: Some(matrix) })
     }

@@ -5,6 +5,7 @@ mod neighbours;
 mod trees;
 
 use crate::geometry::Ray;
+use crate::math::array;
 use crate::stress::case::{Shape, StressCase};
 use crate::stress::draw::{Draw, TransformedRay};
 pub use neighbours::add_neighbours;
@@ -119,7 +120,7 @@ fn round_shape(draw: &mut Draw) -> (Shape, [[f32; 3]; 2], [f32; 2]) {
         return (Shape::Sphere { center: p, radius: r }, [p; 2], [r; 2]);
     }
     let axis = draw.direction();
-    let q = std::array::from_fn(|i| p[i] + axis[i] * 2.0 * s);
+    let q = array::from_fn(|i| p[i] + axis[i] * 2.0 * s);
     let radii = [r, if draw.one_in(3) { r } else { r * draw.unit().abs() }];
     let caps = [!draw.one_in(4), !draw.one_in(4)];
     (Shape::LinearSweptSphere { positions: [p, q], radii, caps }, [p, q], radii)
@@ -140,12 +141,12 @@ fn passing(draw: &mut Draw, [p, q]: [[f32; 3]; 2], radii: [f32; 2], off: f64, di
     let r = f64::from(radii[0]) + (f64::from(radii[1]) - f64::from(radii[0])) * u;
     let free = draw.direction().map(f64::from);
     let along: f64 = (0..3).map(|i| free[i] * normal[i]).sum();
-    let direction: [f64; 3] = std::array::from_fn(|i| free[i] - along * normal[i]);
+    let direction: [f64; 3] = array::from_fn(|i| free[i] - along * normal[i]);
     let at = |i: usize| {
         let (p, q) = (f64::from(p[i]), f64::from(q[i]));
         p + (q - p) * u + normal[i] * r * (1.0 + off)
     };
-    let origin = std::array::from_fn(|i| clamp(at(i) - direction[i] * distance * r));
+    let origin = array::from_fn(|i| clamp(at(i) - direction[i] * distance * r));
     Ray::new(origin, direction.map(|x| x as f32))
 }
 
@@ -169,7 +170,7 @@ fn axis_parallel(draw: &mut Draw) -> StressCase {
     if draw.one_in(3) {
         direction[draw.below(3)] = draw.small() * s;
     }
-    let origin: [f32; 3] = std::array::from_fn(|_| draw.small() * s * if draw.one_in(2) { 1.0 } else { 0.5 });
+    let origin: [f32; 3] = array::from_fn(|_| draw.small() * s * if draw.one_in(2) { 1.0 } else { 0.5 });
     let shape = match draw.below(4) {
         0 => Shape::Sphere { center: draw.lattice(s), radius: (1 + draw.below(3)) as f32 * s },
         1 => Shape::LinearSweptSphere {
@@ -180,7 +181,7 @@ fn axis_parallel(draw: &mut Draw) -> StressCase {
         2 => Shape::Triangle([draw.lattice(s), draw.lattice(s), draw.lattice(s)]),
         _ => {
             let (a, b) = (draw.lattice(s), draw.lattice(s));
-            Shape::Aabb([std::array::from_fn(|i| a[i].min(b[i])), std::array::from_fn(|i| a[i].max(b[i]))])
+            Shape::Aabb([array::from_fn(|i| a[i].min(b[i])), array::from_fn(|i| a[i].max(b[i]))])
         }
     };
     let transformed = draw.transformed(origin, direction);
@@ -194,7 +195,7 @@ fn enclosing(draw: &mut Draw) -> StressCase {
         [([1.0, 2.0, 2.0], 3.0), ([2.0, 3.0, 6.0], 7.0), ([0.0, 3.0, 4.0], 5.0), ([0.0, 0.0, 1.0], 1.0f32)]
             [draw.below(4)];
     let p = draw.lattice(s);
-    let q = std::array::from_fn(|i| p[i] + axis[i] * s);
+    let q = array::from_fn(|i| p[i] + axis[i] * s);
     let small = if draw.one_in(4) { 0.0 } else { draw.below(4) as f32 * 0.5 * s };
     let mut great = small + length * s;
     for _ in 0..draw.below(3) {
@@ -216,7 +217,7 @@ fn needles(draw: &mut Draw) -> StressCase {
     if draw.one_in(3) {
         // A sliver: the third vertex is close to the edge.
         let u = draw.unit().abs();
-        let r: [f32; 3] = std::array::from_fn(|i| p[i] + (q[i] - p[i]) * u + draw.unit() * thin * s);
+        let r: [f32; 3] = array::from_fn(|i| p[i] + (q[i] - p[i]) * u + draw.unit() * thin * s);
         return StressCase::new(vec![Shape::Triangle([p, q, r])], draw.ray_through([p, q, r]));
     }
     let r = draw.unit().abs() * s * thin;
@@ -226,8 +227,8 @@ fn needles(draw: &mut Draw) -> StressCase {
     let distance = ten_to(draw.below(7) as i32);
     let ray = if draw.one_in(4) {
         // Along the axis, or nearly.
-        let origin = std::array::from_fn(|i| p[i] - (q[i] - p[i]) + draw.unit() * r);
-        Ray::new(origin, std::array::from_fn(|i| q[i] - p[i]))
+        let origin = array::from_fn(|i| p[i] - (q[i] - p[i]) + draw.unit() * r);
+        Ray::new(origin, array::from_fn(|i| q[i] - p[i]))
     } else {
         passing(draw, [p, q], radii, off, distance)
     };
@@ -248,7 +249,7 @@ fn zero_length(draw: &mut Draw) -> StressCase {
     let other = [r, 0.0, r.next_up(), r * 2.0][draw.below(4)];
     let shape = match draw.below(4) {
         0 => Shape::Sphere { center: p, radius: f32::from_bits(draw.below(5) as u32) },
-        1 => Shape::Aabb([p, std::array::from_fn(|i| p[i].max(q[i]))]),
+        1 => Shape::Aabb([p, array::from_fn(|i| p[i].max(q[i]))]),
         _ => Shape::LinearSweptSphere { positions: [p, q], radii: [r, other], caps: [true; 2] },
     };
     let mut transformed = draw.ray_near([p, q], [r, other]);
@@ -267,8 +268,7 @@ fn radii(draw: &mut Draw) -> StressCase {
     let (a, b, s) = (any_size(draw), any_size(draw), any_size(draw));
     let p = draw.anywhere(s);
     let near = any_size(draw);
-    let q =
-        if draw.one_in(2) { draw.anywhere(s) } else { std::array::from_fn(|i| p[i] + draw.unit() * near) };
+    let q = if draw.one_in(2) { draw.anywhere(s) } else { array::from_fn(|i| p[i] + draw.unit() * near) };
     let radii = if draw.one_in(2) { [a, b] } else { [a, a * (1.0 + draw.unit().abs())] };
     let off = [0.0, 1e-7, -1e-7, -0.5, 1e-3][draw.below(5)];
     let distance = ten_to(draw.below(4) as i32);
@@ -288,18 +288,16 @@ fn far(draw: &mut Draw) -> StressCase {
         0 => {
             let vertices = draw.triangle();
             let TransformedRay { ray, matrix } = draw.ray_through(vertices);
-            let origin = std::array::from_fn(|i| {
-                clamp(f64::from(ray.origin[i]) - f64::from(ray.direction[i]) * distance)
-            });
+            let origin =
+                array::from_fn(|i| clamp(f64::from(ray.origin[i]) - f64::from(ray.direction[i]) * distance));
             let ray = Ray { origin, ..ray };
             StressCase::new(vec![Shape::Triangle(vertices)], TransformedRay { ray, matrix })
         }
         1 => {
             let (min, max) = draw.aabb();
             let TransformedRay { ray, matrix } = draw.ray_near([min, max], [0.0; 2]);
-            let origin = std::array::from_fn(|i| {
-                clamp(f64::from(ray.origin[i]) - f64::from(ray.direction[i]) * distance)
-            });
+            let origin =
+                array::from_fn(|i| clamp(f64::from(ray.origin[i]) - f64::from(ray.direction[i]) * distance));
             let ray = Ray { origin, ..ray };
             StressCase::new(vec![Shape::Aabb([min, max])], TransformedRay { ray, matrix })
         }
@@ -347,7 +345,7 @@ fn degenerate(draw: &mut Draw) -> StressCase {
         0 => [a; 3],
         1 => [a, a, draw.lattice(s)],
         // In a line, exactly if the sums are exact.
-        _ => [a, std::array::from_fn(|i| a[i] + step[i]), std::array::from_fn(|i| a[i] + 2.0 * step[i])],
+        _ => [a, array::from_fn(|i| a[i] + step[i]), array::from_fn(|i| a[i] + 2.0 * step[i])],
     };
     if draw.one_in(2) {
         let (corner, axis) = (draw.below(3), draw.below(3));
@@ -397,8 +395,8 @@ fn instances(draw: &mut Draw) -> StressCase {
 fn chains(draw: &mut Draw) -> StressCase {
     let s = draw.scale();
     let points: [[f32; 3]; 4] =
-        std::array::from_fn(|_| if draw.one_in(2) { draw.lattice(s) } else { draw.anywhere(s) });
-    let radii: [f32; 4] = std::array::from_fn(|_| (1 + draw.below(3)) as f32 * 0.25 * s);
+        array::from_fn(|_| if draw.one_in(2) { draw.lattice(s) } else { draw.anywhere(s) });
+    let radii: [f32; 4] = array::from_fn(|_| (1 + draw.below(3)) as f32 * 0.25 * s);
     let shapes = (0..3).map(|k| Shape::LinearSweptSphere {
         positions: [points[k], points[k + 1]],
         radii: [radii[k], radii[k + 1]],
@@ -455,8 +453,7 @@ fn bits(draw: &mut Draw) -> StressCase {
     (case.t_min, case.t_max) = (0.0, f32::INFINITY);
     for shape in &mut case.shapes {
         if let Shape::Aabb([min, max]) = shape {
-            (*min, *max) =
-                (std::array::from_fn(|i| min[i].min(max[i])), std::array::from_fn(|i| min[i].max(max[i])));
+            (*min, *max) = (array::from_fn(|i| min[i].min(max[i])), array::from_fn(|i| min[i].max(max[i])));
         }
     }
     case

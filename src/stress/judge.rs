@@ -18,6 +18,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::accel::TraceRay;
 use crate::geometry::{Precision, Ray};
+use crate::math::array;
 use crate::stress::case::{Shape, StressCase};
 use crate::stress::judge::case_at_time::{CaseAtTime, ExactHit};
 use crate::stress::judge::primitive::{LineAndPrimitive, intersect};
@@ -301,10 +302,10 @@ impl ApproximateLine {
                 (wide(p), distance(wide(p), wide(q)) + f64::from(r.max(s)))
             }
         };
-        let [m, d] = [std::array::from_fn::<f64, 3, _>(|i| center[i] - self.origin[i]), self.direction];
+        let [m, d] = [array::from_fn::<f64, 3>(|i| center[i] - self.origin[i]), self.direction];
         let dot = |a: [f64; 3], b: [f64; 3]| (0..3).map(|i| a[i] * b[i]).sum::<f64>();
         let along = dot(m, d) / dot(d, d);
-        let perpendicular = std::array::from_fn(|i| m[i] - along * d[i]);
+        let perpendicular = array::from_fn(|i| m[i] - along * d[i]);
         // Cancellation leaves an error relative to the subtracted terms.
         dot(perpendicular, perpendicular).sqrt() - 1e-12 * dot(m, m).sqrt() > 1.01 * bounding_radius
     }

@@ -13,6 +13,7 @@ use crate::accel::primitive_numbers::{GeomPrim, PrimitiveNumbers};
 use crate::accel::wide_bvh::{PADDING, WideBvh};
 use crate::geometry::Bounds;
 use crate::geometry::block::{self, LANES};
+use crate::math::array;
 
 /// Up to this many primitives are tested without a BVH: the test of a node costs about as much as
 /// that of a primitive.
@@ -181,7 +182,11 @@ impl PrimitiveBlocks {
                             mixed_kinds()
                         };
                         let ends = primitive::end_vertices(indices, *indexing, geom_prim.primitive as usize);
-                        block.set(lane, ends.map(|end| positions[end]), ends.map(|end| radii[end]));
+                        block.set(
+                            lane,
+                            array::map(ends, |end| positions[end]),
+                            array::map(ends, |end| radii[end]),
+                        );
                     },
                 );
                 let caps = order.blocks(

@@ -9,6 +9,7 @@ use crate::accel::primitive_numbers::PrimitiveNumbers;
 use crate::accel::unit_cube::bounds_around;
 use crate::accel::wide_bvh::PADDING;
 use crate::geometry::{Bounds, aabb, linear_swept_sphere, sphere, triangle};
+use crate::math::array;
 use crate::math::f32x4::F32x4;
 
 /// Swept spheres are split into halves if a random line through all of them then hits fewer boxes
@@ -143,7 +144,8 @@ fn boxes(geometries: &[Geometry], numbers: &PrimitiveNumbers, threads: BuildThre
             GeometryData::LinearSweptSpheres { positions, radii, indices, indexing, .. } => {
                 threads.extend(&mut boxes, count, |at| {
                     let ends = primitive::end_vertices(indices, *indexing, at);
-                    let (positions, radii) = (ends.map(|end| positions[end]), ends.map(|end| radii[end]));
+                    let (positions, radii) =
+                        (array::map(ends, |end| positions[end]), array::map(ends, |end| radii[end]));
                     let bounds = linear_swept_sphere::bounds(positions, radii);
                     numbered(bounds.map(|bounds| PrimRef::new(&bounds, 0)), first + at as u32)
                 });
@@ -167,7 +169,7 @@ fn boxes_of_halves(
             let halves = match geometry.data.primitive(at as u32) {
                 Primitive::LinearSweptSphere { positions, radii, .. } => {
                     match linear_swept_sphere::halves(positions, radii) {
-                        Some(halves) => halves.map(Some),
+                        Some(halves) => array::map(halves, Some),
                         None => [linear_swept_sphere::bounds(positions, radii), None],
                     }
                 }
@@ -216,7 +218,7 @@ fn splitting_pays(geometries: &[Geometry], boxes: &[PrimRef], threads: BuildThre
 /// those of its keys.
 #[cold]
 fn moving_prim_ref(geometry: &Geometry, primitive: u32) -> Option<PrimRef> {
-    let [first, second] = geometry.keys(primitive)?.map(triangle::bounds);
+    let [first, second] = array::map(geometry.keys(primitive)?, triangle::bounds);
     Some(PrimRef::new(&first?.union(&second?), 0))
 }
 
@@ -240,7 +242,7 @@ fn prim_ref(primitive: &Primitive) -> Option<PrimRef> {
 /// [`triangle::bounds`] in SIMD.
 #[inline(always)]
 fn triangle_prim_ref(vertices: [[f32; 3]; 3]) -> Option<PrimRef> {
-    let [a, b, c] = vertices.map(|[x, y, z]| F32x4::new([x, y, z, 0.0]));
+    let [a, b, c] = array::map(vertices, |[x, y, z]| F32x4::new([x, y, z, 0.0]));
     // Zero times an infinity or a NaN is a NaN.
     let finite = (a * F32x4::ZERO + b * F32x4::ZERO + c * F32x4::ZERO).cmp_ge(F32x4::ZERO) == 0b1111;
     let (low, high) = (a.relaxed_min(b).relaxed_min(c), a.relaxed_max(b).relaxed_max(c));

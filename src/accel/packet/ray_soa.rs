@@ -6,6 +6,7 @@ use crate::accel::trace_ray::TraceRay;
 use crate::accel::trav_ray::{APPROXIMATE_SCALES, TravRay};
 use crate::accel::world_space_ray::{FAR_AWAY, SHRINK, WIDEN, WORLD_SPACE_SCALES};
 use crate::geometry::{APPROXIMATE_ERROR, APPROXIMATE_UNDERFLOW, Ray, Transform};
+use crate::math::array;
 use crate::math::f32x8::F32x8Ops;
 
 /// The number of rays that one SIMD register holds.
@@ -191,7 +192,7 @@ impl RaySoA {
             return 0;
         }
         let (one, scale) = (simd.splat(1.0), simd.splat(scale));
-        let rows = [0, 1, 2].map(|axis| columns.map(|column| column[axis]));
+        let rows = array::map([0, 1, 2], |axis| array::map(columns, |column| column[axis]));
         let mut prepared = 0;
         self.downwards = [0; 3];
         for at in groups_of_eight(mask) {
@@ -387,7 +388,7 @@ impl GroupMembers {
 fn min_or_max<E: F32x8Ops, const MAX: bool>(simd: E, numbers: E::F32x8) -> f32 {
     let lanes = simd.to_array(numbers);
     let beyond = |a: f32, b: f32| if (a > b) == MAX { a } else { b };
-    let four = [0, 1, 2, 3].map(|at| beyond(lanes[at], lanes[at + 4]));
+    let four = array::map([0, 1, 2, 3], |at| beyond(lanes[at], lanes[at + 4]));
     beyond(beyond(four[0], four[2]), beyond(four[1], four[3]))
 }
 

@@ -16,6 +16,7 @@ use crate::compile::{CompileOptions, DebugInfoLevel, Language, SourceSettings};
 use crate::error::{ErrorKind, Place, Result};
 use crate::input::{InputLimit, InputLimits, read_argument};
 use crate::machine::Binding;
+use crate::math::array;
 use crate::module::Module;
 use crate::module::interface::{EntryPoint, InterfaceVariable, Stage};
 use crate::module::ty::{ImageType, Type};
@@ -227,7 +228,7 @@ impl Arguments {
         let module = std::sync::Arc::new(module);
         let program = Program::with_stage(&module, Stage::Compute, &entry.name)?;
         let size = program.workgroup.map_or([1; 3], |layout| layout.size);
-        let sides: [u64; 3] = std::array::from_fn(|axis| u64::from(groups[axis]) * u64::from(size[axis]));
+        let sides: [u64; 3] = array::from_fn(|axis| u64::from(groups[axis]) * u64::from(size[axis]));
         let invocations: u64 = sides.iter().fold(1, |count: u64, &side| count.saturating_mul(side));
 
         let file = quoted(&path.display().to_string());

@@ -15,6 +15,7 @@ use crate::debug::transcript::{InstanceOutcome, InstanceReport, PrimitiveOutcome
 use crate::debug::values::FloatValue;
 use crate::debug::walk::{self, AnyRay};
 use crate::error::{Error, ErrorKind, Result};
+use crate::math::array;
 use crate::sorted::sort_by_key;
 
 /// How many primitives are drawn; those that the ray meets come first.
@@ -199,7 +200,7 @@ fn drawn_ray(ray: AnyRay<'_>) -> DrawnRay {
     };
     DrawnRay {
         from,
-        to: std::array::from_fn(|axis| from[axis] + end * direction[axis]),
+        to: array::from_fn(|axis| from[axis] + end * direction[axis]),
         is_hit: ray.hit().is_some(),
         label: format!("{depth}{}", outcome(ray)),
     }
@@ -262,7 +263,7 @@ fn circles(centre: Point, radius: f64) -> Vec<Vec<Point>> {
 /// The twelve edges of a box, in four lines.
 fn box_lines([low, high]: [Point; 2]) -> Vec<Vec<Point>> {
     let corner = |bits: usize| -> Point {
-        std::array::from_fn(|axis| if bits >> axis & 1 == 0 { low[axis] } else { high[axis] })
+        array::from_fn(|axis| if bits >> axis & 1 == 0 { low[axis] } else { high[axis] })
     };
     let face = |bits: [usize; 5]| bits.map(corner).to_vec();
     let mut lines = vec![face([0, 1, 3, 2, 0]), face([4, 5, 7, 6, 4])];

@@ -1,5 +1,7 @@
 //! Projects a drawing to a plane, as lines, dots and labels of a picture.
 
+use crate::math::array;
+
 use super::{Drawing, Point, PrimitiveFate, Shape, box_lines};
 
 /// Width and height of a picture, in pixels.
@@ -104,7 +106,7 @@ impl View {
         let came = (0..3).map(moves).fold(0.0, f64::max);
         let hit = drawing.primitives.iter().filter(|one| one.fate == PrimitiveFate::Hit);
         for point in hit.flat_map(|one| one.shape.lines().concat()) {
-            view.include(std::array::from_fn(|axis| {
+            view.include(array::from_fn(|axis| {
                 point[axis].max(ray.to[axis] - came).min(ray.to[axis] + came)
             }));
         }

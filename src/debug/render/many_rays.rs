@@ -5,6 +5,7 @@ use crate::debug::render::Writer;
 use crate::debug::summary_words::{counts, label, outcome, primitive};
 use crate::debug::transcript::{ShaderRun, Trace, TranscriptLine};
 use crate::debug::walk::AnyRay;
+use crate::math::array;
 
 /// How many rays a shader traces at most that are shown one by one.
 const MAX_RAYS: usize = 4;
@@ -84,7 +85,7 @@ impl Writer<'_> {
             })
             .collect();
         let width = |column: usize| rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
-        let widths: [usize; 5] = std::array::from_fn(width);
+        let widths: [usize; 5] = array::from_fn(width);
         for row in &rows {
             let [number, cells @ ..] = row;
             let cells: Vec<String> =

@@ -19,6 +19,7 @@ use bytemuck::NoUninit;
 use super::{ALL_LANES, CullRay, LANES, PerLane};
 use crate::geometry::Bounds;
 use crate::geometry::{Intersection, ObjectRay, Precision, aabb};
+use crate::math::array;
 use crate::math::error_bound::{round_down, round_up};
 use crate::math::f32x4::F32x4;
 
@@ -122,7 +123,7 @@ impl Aabb4 {
     /// Intersects the box in a lane: [`aabb::intersect`].
     #[inline]
     pub fn intersect(&self, lane: usize, ray: &ObjectRay, precision: Precision) -> Option<Intersection> {
-        let [min, max] = self.corners.map(|rows| rows.map(|row| row[lane]));
+        let [min, max] = array::map(self.corners, |rows| array::map(rows, |row| row[lane]));
         aabb::intersect(ray, min, max, precision)
     }
 }

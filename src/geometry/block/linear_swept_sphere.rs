@@ -22,6 +22,7 @@ use bytemuck::NoUninit;
 
 use super::{ALL_LANES, CullRay, LANES, PerLane, load, norm1, sub};
 use crate::geometry::{Intersection, ObjectRay, Precision, Surface, linear_swept_sphere};
+use crate::math::array;
 use crate::math::f32x4::{F32x4, FmaOps};
 
 /// Up to four linear swept spheres without their caps: two cache lines, all that a ray reads that
@@ -77,11 +78,11 @@ impl LinearSweptSphere4 {
     #[inline(always)]
     pub fn maybe_hit_mask_tight<F: FmaOps>(&self, simd: F, ray: &CullRay) -> u32 {
         let SharedTerms { from_start, cross, cross2, length, separation } = self.shared_terms(simd, ray);
-        let [r0, r1] = self.radii.map(F32x4::new);
+        let [r0, r1] = array::map(self.radii, F32x4::new);
         let slope = r1 - r0;
         let length2 = length * length;
         let n = simd.fma_dot(simd.fma_cross(ray.directions(), from_start), cross);
-        let [r_error, s_error, direction2] = ray.cone_terms.map(F32x4::splat);
+        let [r_error, s_error, direction2] = array::map(ray.cone_terms, F32x4::splat);
         let s = cross2 - simd.fma(length2, s_error, slope * slope * direction2);
         let s = s.max(F32x4::ZERO);
         let radius = simd.fma(slope, n, r0 * cross2).abs();

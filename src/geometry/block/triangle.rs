@@ -30,6 +30,7 @@ use bytemuck::NoUninit;
 use super::{ALL_LANES, CullRay, LANES, MAX_COORDINATE, PerLane, TINY, UNIT, max_component, xyz0};
 use crate::geometry::triangle;
 use crate::geometry::{Bounds, DoubleRay, Intersection, Intersection4, ObjectRay, Precision, Ray, Verdict};
+use crate::math::array;
 use crate::math::f32x4::{F32x4, FmaOps};
 use crate::math::f64x4::F64x4Ops;
 
@@ -122,7 +123,7 @@ impl ShearedRay {
         relative_error: f32,
     ) -> Self {
         let axes = AXES[axis];
-        let [i, j, k] = axes.map(|axis| axis as usize);
+        let [i, j, k] = array::map(axes, |axis| axis as usize);
         let inv_length = -1.0 / direction[k];
         Self {
             axes,

@@ -5,6 +5,7 @@ use std::cmp::Ordering;
 
 use crate::geometry::object_ray::ObjectRay;
 use crate::geometry::{Intersection, sphere};
+use crate::math::array;
 use crate::math::exact::{self, Dyadic, Vector};
 use crate::math::surd::Surd;
 
@@ -20,7 +21,8 @@ pub(super) fn intersect(
     // An end of negative radius comes second; u is then reversed.
     let swapped = radii[0] < 0.0;
     let order = if swapped { [1, 0] } else { [0, 1] };
-    let shape = ExactShape::new(ray, order.map(|end| positions[end]), order.map(|end| radii[end]));
+    let shape =
+        ExactShape::new(ray, array::map(order, |end| positions[end]), array::map(order, |end| radii[end]));
     let entry = shape.entry()?;
     let (surface, t) = match entry {
         Entry::Cap(end, t) => {

@@ -27,6 +27,7 @@ use crate::geometry::approach_terms::ClosestApproachTerms;
 use crate::geometry::closest_approach::{self, ClosestApproach};
 use crate::geometry::object_ray::ObjectRay;
 use crate::geometry::verdict::{Verdict, rounded};
+use crate::math::array;
 use crate::math::real::{dot, from_f32, norm1, sub};
 
 /// Where a ray enters the shape, if the error bound decides it. Shapes that are not solid or end in
@@ -40,7 +41,7 @@ pub(super) fn entry(
 ) -> Verdict<Intersection> {
     let ClosestApproachTerms { inverse, inv_length, relative_error, .. } = ray.approach_terms;
     let approach = ClosestApproach::new(ray, positions[0]);
-    let [r0, r1] = radii.map(f64::from);
+    let [r0, r1] = array::map(radii, f64::from);
     let axis = sub(from_f32(positions[1]), from_f32(positions[0]));
     let delta = r1 - r0;
     let size = norm1(approach.offset) + r0;

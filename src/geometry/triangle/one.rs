@@ -23,6 +23,7 @@ use crate::geometry::double_ray::DoubleRay;
 use crate::geometry::intersection4::{ALL, Divisor4};
 use crate::geometry::triangle::facing;
 use crate::geometry::verdict::Verdict;
+use crate::math::array;
 use crate::math::f32x4::F32x4;
 use crate::math::f64x4::F64x4Ops;
 
@@ -79,7 +80,7 @@ pub(crate) fn intersect_simd<D: F64x4Ops>(
     }
     let negative = simd.cmp_gt(simd.sub(simd.splat(0.0), errors), numerators);
     let positive = simd.cmp_gt(numerators, errors);
-    let signs = [negative, positive].map(|signs| signs & !T_LANE);
+    let signs = array::map([negative, positive], |signs| signs & !T_LANE);
     if signs[0] != 0 && signs[1] != 0 { Verdict::Miss } else { Verdict::Undecided }
 }
 

@@ -2,6 +2,7 @@
 
 use crate::error::names::nearest;
 use crate::error::{Error, ErrorKind};
+use crate::math::array;
 use crate::scene::image::Rgba8;
 use crate::scene::read::{Span, Spanned};
 
@@ -128,9 +129,7 @@ impl PictureDifference {
         let distances: Vec<[u8; 4]> = texels(&self.expected)
             .into_iter()
             .zip(texels(&self.found))
-            .map(|(expected, found)| {
-                std::array::from_fn(|channel| expected[channel].abs_diff(found[channel]))
-            })
+            .map(|(expected, found)| array::from_fn(|channel| expected[channel].abs_diff(found[channel])))
             .collect();
         let most = distances.iter().flatten().copied().max().unwrap_or(0).max(1);
         let shown = distances.into_iter().flat_map(|[r, g, b, a]| {

@@ -9,6 +9,7 @@ use crate::harness::many_seeds::float_arithmetic::{FloatArithmetic, is_denormal,
 use crate::harness::many_seeds::lane_bits::{set_words, words};
 use crate::harness::stability::device_result;
 use crate::machine::{Batch, ChoiceKind, OpenChoices};
+use crate::math::array;
 use crate::math::random::Random;
 use crate::ops::lane_kernel::LaneKernel;
 use crate::sanitize::lane_operands::LaneOperands;
@@ -187,8 +188,8 @@ fn flushed(mut random: Random, operation: LaneOperation, arithmetic: &mut FloatA
     if which == 0 {
         return None;
     }
-    let own = std::array::from_fn(|at| operands.unsigned(at));
-    let inputs = std::array::from_fn(|at| match kernel.float_operands[at] {
+    let own = array::from_fn(|at| operands.unsigned(at));
+    let inputs = array::from_fn(|at| match kernel.float_operands[at] {
         width @ (16 | 32) => flush(width, own[at]),
         _ => own[at],
     });

@@ -2,6 +2,7 @@
 
 use crate::interp::superop::words::WordFunction;
 use crate::machine::Lanes;
+use crate::math::array;
 use crate::math::lane_ops::LaneOps;
 use crate::ops::superop::function::has_operand;
 use crate::ops::superop::{DIRECT_REGISTERS, Operands, SuperOp};
@@ -38,7 +39,7 @@ pub(super) fn apply<
     // multiple of the code for each of the many instances of this function.
     let held = Lanes(*accumulator);
     let mut rows: Operands<_> = [&held; 6];
-    let mut uniform = Operands::default();
+    let mut uniform = [0; _];
     for at in 0..F::OPERANDS {
         if has_operand(UNIFORM, at) {
             // The mask lets the compiler leave out a comparison with 32.
@@ -77,8 +78,10 @@ pub(super) fn to_integers<const W: usize, V: LaneOps, const ACC_OPERAND: usize, 
     let held = *accumulator;
     let floats = if ACC_OPERAND == 0 { &registers[usize::from(superop.from[0])].0 } else { &held };
     let mut result = [0; W];
-    for (eight, to) in floats.as_chunks::<8>().0.iter().zip(result.as_chunks_mut::<8>().0) {
-        *to = vectors.to_i32(vectors.load(&eight.map(f32::from_bits))).map(|integer| integer as u32);
+    let floats = floats.as_chunks::<8>().0;
+    for (at, to) in result.as_chunks_mut::<8>().0.iter_mut().enumerate() {
+        let floats = vectors.load(&array::map(floats[at], f32::from_bits));
+        *to = array::map(vectors.to_i32(floats), |integer| integer as u32);
     }
     if STORED {
         registers[usize::from(superop.to)].0 = result;

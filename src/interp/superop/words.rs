@@ -2,6 +2,9 @@
 //!
 //! Functions are composed where the result of one is an operand of another and has no other use.
 //! Each is rounded separately.
+//!
+//! They are applied to each lane, so they call nothing of the standard library that is not marked
+//! `#[inline]`: from another codegen unit it would be a call for each lane.
 
 use crate::machine::Scalar;
 use crate::ops::lane_kernel::{Binary, Ternary, Unary};
@@ -54,9 +57,11 @@ impl<F: WordFunction, G: WordFunction> WordFunction for Chain<F, G> {
     const OPERANDS: usize = F::OPERANDS + G::OPERANDS - 1;
     #[inline(always)]
     fn apply(words: Operands<u32>) -> u32 {
-        let mut second = Operands::default();
+        let mut second = [0; _];
         second[0] = F::apply(words);
-        second[1..G::OPERANDS].copy_from_slice(&words[F::OPERANDS..Self::OPERANDS]);
+        for at in 1..G::OPERANDS {
+            second[at] = words[F::OPERANDS + at - 1];
+        }
         G::apply(second)
     }
 }
@@ -67,10 +72,13 @@ pub(super) struct Last<F, G>(F, G);
 
 impl<F: WordFunction, G: WordFunction> WordFunction for Last<F, G> {
     const OPERANDS: usize = F::OPERANDS + G::OPERANDS - 1;
+    #[allow(clippy::manual_memcpy, reason = "`copy_from_slice` is not inlined")]
     #[inline(always)]
     fn apply(words: Operands<u32>) -> u32 {
-        let mut second = Operands::default();
-        second[..G::OPERANDS - 1].copy_from_slice(&words[F::OPERANDS..Self::OPERANDS]);
+        let mut second = [0; _];
+        for at in 0..G::OPERANDS - 1 {
+            second[at] = words[F::OPERANDS + at];
+        }
         second[G::OPERANDS - 1] = F::apply(words);
         G::apply(second)
     }
@@ -90,7 +98,7 @@ impl<F: WordFunction, G: WordFunction> WordFunction for WithItself<F, G> {
     const OPERANDS: usize = F::OPERANDS;
     #[inline(always)]
     fn apply(words: Operands<u32>) -> u32 {
-        let mut second = Operands::default();
+        let mut second = [0; _];
         [second[0], second[1]] = [words[0], F::apply(words)];
         G::apply(second)
     }
@@ -103,7 +111,7 @@ impl<F: WordFunction> WordFunction for OnBothOperands<F> {
     const OPERANDS: usize = 1;
     #[inline(always)]
     fn apply([a, ..]: Operands<u32>) -> u32 {
-        let mut both = Operands::default();
+        let mut both = [0; _];
         [both[0], both[1]] = [a, a];
         F::apply(both)
     }

@@ -3,6 +3,7 @@
 use std::ops::{BitAnd, BitOr, Not};
 
 use crate::machine::lanes::Lanes;
+use crate::math::array;
 
 /// A set of lanes; W is at most 128. The upper half is used for W above 64 only, so that it costs
 /// nothing otherwise.
@@ -49,7 +50,7 @@ impl<const W: usize> Mask<W> {
         let mut mask = Self::NONE;
         for (at, eight) in words.0.chunks_exact(8).enumerate() {
             // A byte each of 0 or 1; the product brings byte k to bit 56 + k.
-            let bytes: [u8; 8] = std::array::from_fn(|lane| u8::from(eight[lane] != 0));
+            let bytes: [u8; 8] = array::from_fn(|lane| u8::from(eight[lane] != 0));
             let bits = u64::from_le_bytes(bytes).wrapping_mul(0x0102_0408_1020_4080) >> 56;
             let half = if at < 8 { &mut mask.low } else { &mut mask.high };
             *half |= bits << (at % 8 * 8);

@@ -8,6 +8,7 @@ use rspirv::spirv::Op as Opcode;
 use crate::error::Result;
 use crate::machine::format::Class;
 use crate::machine::{Reg, TrapCode};
+use crate::math::array;
 use crate::module::Instruction;
 use crate::module::ty::Type;
 use crate::ops::access::Access;
@@ -83,7 +84,7 @@ impl TexelWrite {
             Err(TrapCode::ImageOutOfBounds) if self.texel.is_robust(reader) => return Ok(()),
             found => found?,
         };
-        let words = self.from.map(|reg| match (self.texel.view.wide, self.class) {
+        let words = array::map(self.from, |reg| match (self.texel.view.wide, self.class) {
             (true, _) => reader.wide(reg),
             (false, Class::Sint) => i64::from(reader.integer(reg)) as u64,
             (false, _) => u64::from(reader.word(reg)),

@@ -6,6 +6,8 @@
 
 use std::ops::Neg;
 
+use crate::math::array;
+
 /// The face that a direction hits, as the layer within its cube: +x, -x, +y, -y, +z, -z.
 pub fn face([x, y, z]: [f32; 3]) -> u32 {
     // A NaN must lose every comparison.
@@ -46,7 +48,7 @@ fn unproject(face: u32, [s, t, r]: [i64; 3]) -> [i64; 3] {
 
 /// (s_face, t_face) of a direction on its face, in [0, 1].
 pub fn coordinates([s, t, r]: [f32; 3]) -> [f32; 2] {
-    [s, t].map(|component| 0.5 * (component / r.abs()) + 0.5)
+    array::map([s, t], |component| 0.5 * (component / r.abs()) + 0.5)
 }
 
 /// The derivatives of (s_face, t_face), given the derivatives `change` of the direction (s_c, t_c,
@@ -81,7 +83,7 @@ pub fn neighbour(face: u32, [i, j]: [i64; 2], size: u32) -> Option<(u32, [i64; 2
     let axis = vector.iter().position(|component| component.abs() == size)?;
     let face = 2 * axis as u32 + u32::from(vector[axis] < 0);
     let [s, t, _] = project(face, vector);
-    Some((face, [s, t].map(|component| (component + size - 1) / 2)))
+    Some((face, array::map([s, t], |component| (component + size - 1) / 2)))
 }
 
 /// The three texels that meet at the corner beyond (i, j): the face's own, then its neighbours'

@@ -25,6 +25,7 @@
 use crate::machine::format::Class;
 use crate::machine::image::{Image, Position};
 use crate::machine::sampler::{BorderColor, Filter, ReductionMode, Sampler};
+use crate::math::array;
 use crate::ops::image::{address, cube, level};
 
 /// The source of the level of detail.
@@ -96,10 +97,10 @@ impl Lookup<'_> {
         let mut sum = WeightedReduction::new(self.sampler.reduction_mode);
         for probe in 1..=probes {
             let along = probe as f32 / (probes + 1) as f32 - 0.5;
-            sum.add(1.0, value(std::array::from_fn(|axis| self.at[axis] + along * step[axis])));
+            sum.add(1.0, value(array::from_fn(|axis| self.at[axis] + along * step[axis])));
         }
         let mean = match self.sampler.reduction_mode {
-            ReductionMode::WeightedAverage => sum.value().map(|sum| sum / probes as f32),
+            ReductionMode::WeightedAverage => array::map(sum.value(), |sum| sum / probes as f32),
             ReductionMode::Min | ReductionMode::Max => sum.value(),
         };
         bits(mean)
@@ -162,7 +163,7 @@ impl Lookup<'_> {
         let point = self.point(self.at);
         let [(i, _), (j, _), _] = self.corner(&point, 0);
         let corners = offsets.unwrap_or([[0, 1], [1, 1], [1, 0], [0, 0]]);
-        corners.map(|[x, y]| {
+        array::map(corners, |[x, y]| {
             let at = [i + i64::from(x), j + i64::from(y), 0];
             if self.is_integer() {
                 self.texel(&point, 0, at, Filter::Nearest)[component]
@@ -183,17 +184,15 @@ impl Lookup<'_> {
             Lod::Gradients(gradients) => gradients,
         };
         let dimension = self.image.shape().dimension;
-        let extent = self.image.level_extent(0).map(|side| side as f32);
-        let [by_x, by_y] = gradients.map(|gradient| {
+        let extent = array::map(self.image.level_extent(0), |side| side as f32);
+        let [by_x, by_y] = array::map(gradients, |gradient| {
             if dimension.is_cube() {
                 let face = cube::face(self.at);
                 let on_face = cube::project(face, self.at);
                 let [s, t] = cube::derivatives(on_face, cube::project(face, gradient));
                 return [s * extent[0], t * extent[1], 0.0];
             }
-            std::array::from_fn(
-                |axis| if axis < dimension.axes() { gradient[axis] * extent[axis] } else { 0.0 },
-            )
+            array::from_fn(|axis| if axis < dimension.axes() { gradient[axis] * extent[axis] } else { 0.0 })
         });
         let footprint = level::footprint(by_x, by_y, self.sampler.max_anisotropy);
         (footprint.lod, footprint.probes, gradients[usize::from(!footprint.along_x)])
@@ -217,7 +216,7 @@ impl Lookup<'_> {
     fn unnormalized(&self, point: &Point, level: u32) -> [f32; 3] {
         let extent = self.image.level_extent(level);
         let axes = self.image.shape().dimension.axes();
-        std::array::from_fn(|axis| {
+        array::from_fn(|axis| {
             if axis >= axes {
                 return 0.0;
             }
@@ -230,11 +229,11 @@ impl Lookup<'_> {
     fn corner(&self, point: &Point, level: u32) -> [(i64, f32); 3] {
         let axes = self.image.shape().dimension.axes();
         let at = self.unnormalized(point, level);
-        std::array::from_fn(|axis| if axis < axes { address::floor(at[axis] - 0.5) } else { (0, 0.0) })
+        array::from_fn(|axis| if axis < axes { address::floor(at[axis] - 0.5) } else { (0, 0.0) })
     }
 
     fn nearest(&self, point: &Point, level: u32) -> [u64; 4] {
-        let at = self.unnormalized(point, level).map(|coordinate| address::floor(coordinate).0);
+        let at = array::map(self.unnormalized(point, level), |coordinate| address::floor(coordinate).0);
         self.texel(point, level, at, Filter::Nearest)
     }
 
@@ -244,7 +243,7 @@ impl Lookup<'_> {
         }
         let corner = self.corner(point, level);
         let mut sum = WeightedReduction::new(self.sampler.reduction_mode);
-        let weights = corner.map(|(_, fraction)| [1.0 - fraction, fraction]);
+        let weights = array::map(corner, |(_, fraction)| [1.0 - fraction, fraction]);
         for k in 0..2 {
             for j in 0..2 {
                 for i in 0..2 {
@@ -265,11 +264,11 @@ impl Lookup<'_> {
         let face = point.layer % 6;
         let is_cube = self.image.shape().dimension.is_cube();
         if is_cube && cube::neighbour(face as u32, [at[0], at[1]], size).is_none() {
-            let texels = cube::corner(face as u32, [at[0], at[1]], size).map(|(other, [i, j])| {
+            let texels = array::map(cube::corner(face as u32, [at[0], at[1]], size), |(other, [i, j])| {
                 let layer = point.layer - face + i64::from(other);
                 floats(self.fetch(Some(Position { at: [i, j, 0], layer, sample: 0, level })))
             });
-            return std::array::from_fn(|part| (texels[0][part] + texels[1][part] + texels[2][part]) / 3.0);
+            return array::from_fn(|part| (texels[0][part] + texels[1][part] + texels[2][part]) / 3.0);
         }
         floats(self.texel(point, level, at, Filter::Linear))
     }
@@ -285,7 +284,7 @@ impl Lookup<'_> {
             {
                 (at, layer) = ([i, j, 0], layer - layer % 6 + i64::from(other));
             }
-            at = std::array::from_fn(|axis| at[axis].clamp(0, i64::from(extent[axis]) - 1));
+            at = array::from_fn(|axis| at[axis].clamp(0, i64::from(extent[axis]) - 1));
             return self.fetch(Some(Position { at, layer, sample: 0, level }));
         }
         let mut wrapped = [0; 3];
@@ -332,9 +331,7 @@ impl Lookup<'_> {
             BorderColor::OpaqueWhite => [one; 4],
         };
         let missing = [0, 0, 0, one];
-        std::array::from_fn(
-            |part| if part < usize::from(format.channels) { color[part] } else { missing[part] },
-        )
+        array::from_fn(|part| if part < usize::from(format.channels) { color[part] } else { missing[part] })
     }
 }
 
@@ -352,12 +349,12 @@ impl WeightedReduction {
     fn add(&mut self, weight: f32, value: [f32; 4]) {
         let value = match self.reduction {
             // A single texel keeps its bits.
-            ReductionMode::WeightedAverage if weight != 1.0 => value.map(|part| weight * part),
+            ReductionMode::WeightedAverage if weight != 1.0 => array::map(value, |part| weight * part),
             _ => value,
         };
         self.accumulated = Some(match self.accumulated {
             None => value,
-            Some(before) => std::array::from_fn(|part| match self.reduction {
+            Some(before) => array::from_fn(|part| match self.reduction {
                 ReductionMode::WeightedAverage => before[part] + value[part],
                 ReductionMode::Min => {
                     if value[part] < before[part] {
@@ -383,9 +380,9 @@ impl WeightedReduction {
 }
 
 fn floats(texel: [u64; 4]) -> [f32; 4] {
-    texel.map(|bits| f32::from_bits(bits as u32))
+    array::map(texel, |bits| f32::from_bits(bits as u32))
 }
 
 fn bits(color: [f32; 4]) -> [u64; 4] {
-    color.map(|part| u64::from(part.to_bits()))
+    array::map(color, |part| u64::from(part.to_bits()))
 }

@@ -11,6 +11,7 @@ use crate::error::Result;
 use crate::machine::image::Dimension;
 use crate::machine::sampler::AddressMode;
 use crate::machine::{Reg, TrapCode};
+use crate::math::array;
 use crate::module::Instruction;
 use crate::module::ty::Type;
 use crate::ops::access::Access;
@@ -112,8 +113,8 @@ impl FootprintOp {
         let side = if axes == 2 { 8 } else { 4 };
         let (mut anchor, mut offset, mut mask) = ([0; 3], [0; 3], 0u64);
         if let Some([low, high]) = texels {
-            let first: [u32; 3] = std::array::from_fn(|axis| low[axis] / group[axis]);
-            let last: [u32; 3] = std::array::from_fn(|axis| high[axis] / group[axis]);
+            let first: [u32; 3] = array::from_fn(|axis| low[axis] / group[axis]);
+            let last: [u32; 3] = array::from_fn(|axis| high[axis] / group[axis]);
             for axis in 0..axes {
                 anchor[axis] = last[axis] / side;
                 // Groups left of the anchor wrap around to the far end of the neighbourhood.
@@ -122,7 +123,7 @@ impl FootprintOp {
             for z in first[2]..=last[2] {
                 for y in first[1]..=last[1] {
                     for x in first[0]..=last[0] {
-                        let local = [x, y, z].map(|at| at % side);
+                        let local = array::map([x, y, z], |at| at % side);
                         mask |= 1 << (local[0] + local[1] * side + local[2] * side * side);
                     }
                 }

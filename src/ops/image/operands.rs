@@ -3,6 +3,7 @@
 use crate::error::Result;
 use crate::machine::Reg;
 use crate::machine::format::Class;
+use crate::math::array;
 use crate::module::ty::Type;
 use crate::module::{Id, Instruction};
 use crate::ops::conversion::{self, Conversion};
@@ -148,8 +149,8 @@ impl Operands {
     /// The source of the level of detail of a lane.
     pub fn lane_lod<const W: usize>(&self, reader: LaneReader<'_, '_, W>) -> Lod {
         match &self.gradients {
-            Some(given) => Lod::Gradients([0, 1].map(|way: usize| {
-                std::array::from_fn(|axis| given[way].get(axis).map_or(0.0, |&reg| reader.float(reg)))
+            Some(given) => Lod::Gradients(array::map([0, 1], |way: usize| {
+                array::from_fn(|axis| given[way].get(axis).map_or(0.0, |&reg| reader.float(reg)))
             })),
             None => Lod::Explicit(self.lod.map_or(0.0, |reg| reader.float(reg))),
         }
@@ -157,13 +158,13 @@ impl Operands {
 
     /// `Bias` and `MinLod` of a lane.
     pub fn bias_and_min_lod<const W: usize>(&self, reader: LaneReader<'_, '_, W>) -> [f32; 2] {
-        [self.bias, self.min_lod].map(|reg| reg.map_or(0.0, |reg| reader.float(reg)))
+        array::map([self.bias, self.min_lod], |reg| reg.map_or(0.0, |reg| reader.float(reg)))
     }
 
     /// `ConstOffset` or `Offset` of a lane, 0 where there is none.
     pub fn texel_offset<const W: usize>(&self, reader: LaneReader<'_, '_, W>) -> [i32; 3] {
         let part = |axis: usize| self.offset.as_ref().and_then(|offset| offset.get(axis));
-        std::array::from_fn(|axis| part(axis).map_or(0, |&reg| reader.integer(reg)))
+        array::from_fn(|axis| part(axis).map_or(0, |&reg| reader.integer(reg)))
     }
 
     /// The registers that are read.

@@ -14,6 +14,7 @@ use crate::machine::format::Class;
 use crate::machine::image::{Dimension, Image, Position};
 use crate::machine::sampler::{ReductionMode, Sampler};
 use crate::machine::{Reg, TrapCode};
+use crate::math::array;
 use crate::module::{Id, Instruction};
 use crate::ops::access::Access;
 use crate::ops::image::declared::{texel_result, view_of};
@@ -124,7 +125,7 @@ impl ProcessOp {
             Ok((reader.image(sampled.view, sampled.image)?, reader.sampler(sampled.sampler)?))
         };
         let (image, sampler) = find(self.target)?;
-        let floats = |words: &Words| [0, 1].map(|at: usize| reader.float(words[at]));
+        let floats = |words: &Words| array::map([0, 1], |at: usize| reader.float(words[at]));
         let value = match &self.kind {
             ProcessKind::BoxFilter(sides) => {
                 box_filter(image, sampler, floats(&self.coordinate), floats(sides))
@@ -133,10 +134,11 @@ impl ProcessOp {
                 weighted_sample(image, sampler, floats(&self.coordinate), find(*weights)?.0)?
             }
             ProcessKind::BlockMatch { reference, at, size, squared, mode } => {
-                let integers = |words: &Words| [0, 1].map(|axis: usize| i64::from(reader.word(words[axis])));
+                let integers =
+                    |words: &Words| array::map([0, 1], |axis: usize| i64::from(reader.word(words[axis])));
                 let (other, _) = find(*reference)?;
                 let (at, size) = (integers(at), integers(size));
-                let extent = other.level_extent(0).map(i64::from);
+                let extent = array::map(other.level_extent(0), i64::from);
                 if (0..2).any(|axis| size[axis] < 1 || at[axis] + size[axis] > extent[axis]) {
                     return Err(TrapCode::ImageOutOfBounds);
                 }
@@ -145,7 +147,7 @@ impl ProcessOp {
                 comparison.compare(integers(&self.coordinate), *mode)?
             }
         };
-        Ok(value.map(|part| u64::from(part.to_bits())))
+        Ok(array::map(value, |part| u64::from(part.to_bits())))
     }
 }
 
@@ -153,7 +155,7 @@ impl ProcessOp {
 fn unnormalized(image: &Image, sampler: &Sampler, coordinate: [f32; 2]) -> [f32; 2] {
     let extent = image.level_extent(0);
     let scale = |axis: usize| if sampler.unnormalized_coordinates { 1.0 } else { extent[axis] as f32 };
-    std::array::from_fn(|axis| coordinate[axis] * scale(axis))
+    array::from_fn(|axis| coordinate[axis] * scale(axis))
 }
 
 fn texel(image: &Image, sampler: &Sampler, at: [i64; 2]) -> [f32; 4] {
@@ -168,7 +170,7 @@ impl Reduction {
     fn add(&mut self, mode: ReductionMode, value: [f32; 4]) {
         self.0 = Some(match self.0 {
             None => value,
-            Some(before) => std::array::from_fn(|part| match mode {
+            Some(before) => array::from_fn(|part| match mode {
                 ReductionMode::WeightedAverage => before[part] + value[part],
                 ReductionMode::Min => before[part].min(value[part]),
                 ReductionMode::Max => before[part].max(value[part]),
@@ -186,7 +188,7 @@ fn box_filter(image: &Image, sampler: &Sampler, coordinate: [f32; 2], sides: [f3
     let centre = unnormalized(image, sampler, coordinate);
     let mode = sampler.reduction_mode;
     // NaN counts as 1.
-    let sides = sides.map(|side| if side >= 1.0 { side.min(MAX_BOX_SIDE) } else { 1.0 });
+    let sides = array::map(sides, |side| if side >= 1.0 { side.min(MAX_BOX_SIDE) } else { 1.0 });
     let axis = |axis: usize| {
         let start = centre[axis] - sides[axis] / 2.0;
         let first = start.floor();
@@ -206,13 +208,13 @@ fn box_filter(image: &Image, sampler: &Sampler, coordinate: [f32; 2], sides: [f3
         for (x, horizontal) in across.iter().enumerate() {
             let texel = texel(image, sampler, [i + x as i64, j + y as i64]);
             let weight = if mode == ReductionMode::WeightedAverage { horizontal * vertical } else { 1.0 };
-            sum.add(mode, texel.map(|part| weight * part));
+            sum.add(mode, array::map(texel, |part| weight * part));
         }
     }
     match mode {
         ReductionMode::WeightedAverage => {
             let scale = 1.0 / (sides[1] * sides[0]);
-            sum.value().map(|part| scale * part)
+            array::map(sum.value(), |part| scale * part)
         }
         ReductionMode::Min | ReductionMode::Max => sum.value(),
     }
@@ -229,12 +231,12 @@ fn weighted_sample(
     let at = unnormalized(image, sampler, coordinate);
     let mode = sampler.reduction_mode;
     let phases = filter.phases.isqrt().max(1);
-    let phase = at.map(|part| {
+    let phase = array::map(at, |part| {
         let fraction = part - part.floor();
         ((fraction * phases as f32) as u32).min(phases - 1)
     });
     let first: [i64; 2] =
-        std::array::from_fn(|axis| i64::from((at[axis] - filter.center[axis] as f32).floor() as i32));
+        array::from_fn(|axis| i64::from((at[axis] - filter.center[axis] as f32).floor() as i32));
     let separable = weights.shape().dimension == Dimension::D1Array;
     let stored = |at: [u32; 2], layer: u32| {
         let at = [i64::from(at[0]), i64::from(at[1]), 0];
@@ -253,7 +255,7 @@ fn weighted_sample(
             };
             let texel = texel(image, sampler, [first[0] + i64::from(k), first[1] + i64::from(l)]);
             match mode {
-                ReductionMode::WeightedAverage => sum.add(mode, texel.map(|part| weight * part)),
+                ReductionMode::WeightedAverage => sum.add(mode, array::map(texel, |part| weight * part)),
                 _ if weight != 0.0 => sum.add(mode, texel),
                 _ => {}
             }
@@ -277,7 +279,7 @@ impl BlockComparison<'_> {
         let red = |x: u32, y: u32| self.difference([target[0] + i64::from(x), target[1] + i64::from(y)])[0];
         match mode {
             BlockMatchMode::Single => Ok(self.difference(target)),
-            BlockMatchMode::Gather => Ok([0, 1, 2, 3].map(|x| red(x, 0))),
+            BlockMatchMode::Gather => Ok(array::map([0, 1, 2, 3], |x| red(x, 0))),
             BlockMatchMode::Window => {
                 let window = self.sampler.block_match_window.ok_or(TrapCode::SamplerMismatch)?;
                 let mut found =
@@ -307,11 +309,11 @@ impl BlockComparison<'_> {
             for x in 0..self.size[0] {
                 let own = texel(self.image, self.sampler, [target[0] + x, target[1] + y]);
                 let other = texel(self.reference, self.sampler, [self.at[0] + x, self.at[1] + y]);
-                let difference: [f32; 4] = std::array::from_fn(|part| (other[part] - own[part]).abs());
-                sum.add(mode, if averages { difference.map(square) } else { difference });
+                let difference: [f32; 4] = array::from_fn(|part| (other[part] - own[part]).abs());
+                sum.add(mode, if averages { array::map(difference, square) } else { difference });
             }
         }
-        if averages { sum.value() } else { sum.value().map(square) }
+        if averages { sum.value() } else { array::map(sum.value(), square) }
     }
 }
 

@@ -6,6 +6,7 @@ use rspirv::spirv::Op as Opcode;
 use crate::error::Result;
 use crate::machine::image::Dimension;
 use crate::machine::{Reg, TrapCode};
+use crate::math::array;
 use crate::module::Instruction;
 use crate::module::ty::Type;
 use crate::ops::access::Access;
@@ -101,14 +102,14 @@ impl SampleOp {
                 lookup.sample(lod, bias, min_lod)
             }
             SampleKind::QueryLod => {
-                let [level, lambda] = lookup.query_lod(lod).map(|value| u64::from(value.to_bits()));
+                let [level, lambda] = array::map(lookup.query_lod(lod), |value| u64::from(value.to_bits()));
                 [level, lambda, 0, 0]
             }
             SampleKind::Gather(_) | SampleKind::GatherDref => {
                 let component =
                     if let SampleKind::Gather(reg) = self.kind { reader.word(reg).min(3) } else { 0 };
                 let offsets = self.operands.offsets.as_ref().map(|offsets| {
-                    std::array::from_fn(|at| {
+                    array::from_fn(|at| {
                         [reader.integer(offsets[2 * at]), reader.integer(offsets[2 * at + 1])]
                     })
                 });

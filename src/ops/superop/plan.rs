@@ -6,6 +6,7 @@ use std::sync::LazyLock;
 use rustc_hash::FxHashMap;
 
 use crate::machine::Reg;
+use crate::math::array;
 use crate::ops::lane_kernel::LaneKernel;
 use crate::ops::memory;
 use crate::ops::op::Op;
@@ -107,7 +108,7 @@ impl Planned {
     /// `acc_operand`, counted from one, is in the accumulator (0 for none).
     fn is_uniform(&self, acc_operand: usize, constants: &Constants) -> bool {
         let (uniform, shift_amounts) = (self.function.uniform(), self.function.shift_amounts());
-        let mut operands = (0..).zip(&self.from[..self.operands]);
+        let mut operands = self.from[..self.operands].iter().enumerate();
         uniform != 0
             && acc_operand < 2
             && operands.all(|(operand, &register)| {
@@ -333,7 +334,7 @@ fn plan_single(
         Op::LaneKernel { kernel, to, from } => {
             let operands = kernel.operands.iter().take_while(|&&words| words > 0).count();
             let [a, b, c] =
-                [from[0], from[1.min(operands - 1)], from[2.min(operands - 1)]].map(direct_register);
+                array::map([from[0], from[1.min(operands - 1)], from[2.min(operands - 1)]], direct_register);
             (direct_register(*to)?, [a?, b?, c?], operands, kernel.float_result == 32)
         }
         Op::Memory(memory::MemoryOp::Move { to, from } | memory::MemoryOp::MoveMasked { to, from }) => {

@@ -7,6 +7,7 @@ use std::sync::LazyLock;
 use rustc_hash::FxHashMap;
 
 use crate::machine::Reg;
+use crate::math::array;
 use crate::ops::access::Access;
 use crate::ops::lane_kernel::LaneKernel;
 use crate::ops::op::Op;
@@ -133,7 +134,7 @@ impl SuperCode {
             accumulator: None,
             next: range.start,
         };
-        let [first, end] = [range.start, range.end].map(|op| self.first[op] as usize);
+        let [first, end] = array::map([range.start, range.end], |op| self.first[op] as usize);
         for (superop, &op) in self.superops[first..end].iter().zip(&self.op_of[first..end]) {
             let number = superop.opcode >> 4;
             let function = function(number).ok_or_else(|| format!("no function has number {number}"))?;

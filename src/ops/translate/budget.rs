@@ -11,6 +11,7 @@ const FREE_STEPS: usize = 64;
 pub(in crate::ops) const WORDS_OF_A_STEP: usize = 16;
 
 /// How many registers a value names.
+#[inline]
 pub(super) fn named(value: &IdValue) -> u64 {
     if let IdValue::Words(words) = value { words.len() as u64 } else { 1 }
 }

@@ -29,6 +29,7 @@ pub struct IdValues {
 impl IdValues {
     /// What an id stands for in an inlined call, or in the whole module; `None` where the program
     /// does not use it.
+    #[inline]
     pub fn find(&self, scope: u32, id: Id) -> Option<&IdValue> {
         self.locals.get(&(scope, id)).or_else(|| self.globals.get(&id))
     }
@@ -67,6 +68,7 @@ impl Values {
     }
 
     /// The value of an id of the function that is lowered.
+    #[inline]
     pub(super) fn local(&self, id: Id) -> Option<&IdValue> {
         let (owner, value) = self.locals.get(self.local_indices.find(id)? as usize)?;
         (*owner == id).then_some(value)

@@ -17,6 +17,7 @@ use crate::ops::value_registers::{UndefinedConstant, Words, registers_from};
 
 impl Translator<'_> {
     /// How many words a value of a type takes in registers.
+    #[inline]
     pub fn word_count(&mut self, ty: TypeId) -> Result<u32> {
         if let Some(count) = self.word_counts[ty.0 as usize] {
             return Ok(count);
@@ -112,6 +113,7 @@ impl Translator<'_> {
 
     /// The first register of each component of a scalar or vector whose components have `width`
     /// bits.
+    #[inline]
     pub fn components_of(&mut self, id: Id, width: u32) -> Result<Words> {
         Ok(first_words(self.words(id)?, width))
     }

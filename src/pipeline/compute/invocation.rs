@@ -4,6 +4,7 @@ use std::cell::{Cell, RefCell};
 
 use crate::error::{Error, ErrorKind, Result};
 use crate::machine::{Batch, Exit, Observer, Resources, ShaderIndex, Watchdog};
+use crate::math::array;
 use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::pipeline::compute::Compute;
 use crate::pipeline::observer::Event;
@@ -56,7 +57,7 @@ impl Compute {
     /// Checks that a dispatch has an invocation.
     pub(super) fn check_invocation(&self, groups: [u32; 3], id: [u32; 3]) -> Result<()> {
         self.check_size(groups)?;
-        let size: [u32; 3] = std::array::from_fn(|axis| groups[axis] * self.layout.size[axis]);
+        let size: [u32; 3] = array::from_fn(|axis| groups[axis] * self.layout.size[axis]);
         if id.iter().zip(size).any(|(&at, side)| at >= side) {
             let triple = |[x, y, z]: [u32; 3], by: &str| format!("{x}{by}{y}{by}{z}");
             let message = format!(
@@ -68,9 +69,10 @@ impl Compute {
             let error = Error::new(ErrorKind::InvalidArgument, message);
             return Err(match size.contains(&0) {
                 true => error.note("it has no invocations"),
-                false => {
-                    error.note(format!("they go from 0,0,0 to {}", triple(size.map(|side| side - 1), ",")))
-                }
+                false => error.note(format!(
+                    "they go from 0,0,0 to {}",
+                    triple(array::map(size, |side| side - 1), ",")
+                )),
             });
         }
         Ok(())
@@ -78,8 +80,8 @@ impl Compute {
 
     /// The number of the workgroup that an invocation is in.
     pub(super) fn group_of(&self, groups: [u32; 3], id: [u32; 3]) -> u64 {
-        let [x, y, z] = std::array::from_fn(|axis| u64::from(id[axis] / self.layout.size[axis]));
-        let [width, height, _] = groups.map(u64::from);
+        let [x, y, z] = array::from_fn(|axis| u64::from(id[axis] / self.layout.size[axis]));
+        let [width, height, _] = array::map(groups, u64::from);
         (z * height + y) * width + x
     }
 

@@ -8,6 +8,7 @@ use crate::accel::{Candidate, Committed, HitKind, RayFlags, RecordIndex};
 use crate::machine::invocation::Invocations;
 use crate::machine::stop::RegSpan;
 use crate::machine::{Batch, Exit, HitRecordTerms, Lanes, Mask, Registers, ShaderIndex, TrapCode};
+use crate::math::array;
 use crate::pipeline::Pipeline;
 use crate::pipeline::group::Role;
 use crate::pipeline::observer::{Caller, Event, EventReceiver};
@@ -129,6 +130,7 @@ impl<const W: usize> Trace<W> {
     }
 
     /// The index of the hit record of a lane's candidate.
+    #[inline]
     pub(crate) fn hit_record_index(&self, lane: usize, candidate: &Candidate) -> RecordIndex {
         let HitRecordTerms { instance_offset, geometry, stride, offset } =
             self.hit_record_terms(lane, candidate);
@@ -146,6 +148,7 @@ impl<const W: usize> Trace<W> {
     }
 
     /// Applies the exits of a shader that the lanes' rays called.
+    #[inline]
     pub(crate) fn apply_exits(&mut self, role: Role, lanes: Mask<W>, batch: &Batch<W>) {
         for lane in (lanes & batch.trapped()).lanes() {
             self.trap(lane, TrapCode::Callee);
@@ -183,7 +186,9 @@ impl<const W: usize> Trace<W> {
     /// The attributes of a lane's committed hit.
     pub(crate) fn committed_attributes(&self, lane: usize) -> Words {
         match self.built_in_candidate(lane) {
-            Some(candidate) => Words::from_slice(&candidate.intersection.attributes.map(f32::to_bits)),
+            Some(candidate) => {
+                Words::from_slice(&array::map(candidate.intersection.attributes, f32::to_bits))
+            }
             None => self.attributes.get(lane).cloned().unwrap_or_default(),
         }
     }

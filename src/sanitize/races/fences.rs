@@ -5,6 +5,7 @@
 use rspirv::spirv::{Op as Opcode, Scope};
 use rustc_hash::FxHashMap;
 
+use crate::math::array;
 use crate::module::Module;
 use crate::sanitize::plan::InstructionWords;
 use crate::sanitize::races::class::Reach;
@@ -33,7 +34,7 @@ impl Times {
 
     /// The later ones of these and others.
     pub(super) fn later(self, other: Self) -> Self {
-        let later = |one: [u32; 3], other: [u32; 3]| std::array::from_fn(|at| one[at].max(other[at]));
+        let later = |one: [u32; 3], other: [u32; 3]| array::from_fn(|at| one[at].max(other[at]));
         Self { near: later(self.near, other.near), wide: later(self.wide, other.wide) }
     }
 

@@ -2,6 +2,7 @@
 
 use crate::accel::motion::interpolate;
 use crate::geometry::Ray;
+use crate::math::array;
 use crate::stress::case::{MotionKeys, Placement, Shape, StressCase};
 use crate::stress::draw::Draw;
 use crate::stress::family::trees::{few_shapes, is_invertible, sheet};
@@ -23,7 +24,7 @@ pub(super) fn moving_triangles(draw: &mut Draw) -> StressCase {
     let kind = draw.below(5);
     let by = if draw.one_in(2) { draw.lattice(scale) } else { draw.anywhere(scale) };
     let later = |vertex: [f32; 3]| -> [f32; 3] {
-        std::array::from_fn(|i| match kind {
+        array::from_fn(|i| match kind {
             // No motion; a common translation; towards the origin; through it to the other side.
             0 => vertex[i],
             1 | 2 => vertex[i] + by[i],
@@ -43,7 +44,7 @@ pub(super) fn moving_triangles(draw: &mut Draw) -> StressCase {
     }
     let target = sheet.target(draw);
     let there = later(target);
-    let target = std::array::from_fn(|i| interpolate(target[i], there[i], time));
+    let target = array::from_fn(|i| interpolate(target[i], there[i], time));
     let (origin, direction) = draw.aim(target, scale);
     let transformed = draw.transformed(origin, direction);
     StressCase { time, ..StressCase::new(shapes, transformed) }
@@ -96,8 +97,8 @@ fn decompositions(draw: &mut Draw, scale: f32) -> MotionKeys {
     let quaternion = |draw: &mut Draw| -> [f32; 4] {
         match draw.below(3) {
             0 => [0.0, 0.0, 0.0, 1.0],
-            1 => std::array::from_fn(|_| draw.small()),
-            _ => std::array::from_fn(|_| draw.unit()),
+            1 => array::from_fn(|_| draw.small()),
+            _ => array::from_fn(|_| draw.unit()),
         }
     };
     key[9..13].copy_from_slice(&quaternion(draw));
@@ -191,7 +192,7 @@ pub(super) fn moving_instances(draw: &mut Draw) -> StressCase {
         let by = draw.lattice(scale);
         for shape in &mut case.shapes {
             if let Shape::Triangle(vertices) = *shape {
-                let later = vertices.map(|vertex| std::array::from_fn(|i| vertex[i] + by[i]));
+                let later = vertices.map(|vertex| array::from_fn(|i| vertex[i] + by[i]));
                 *shape = Shape::MovingTriangle([vertices, later]);
             }
         }

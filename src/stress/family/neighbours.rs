@@ -1,5 +1,6 @@
 //! Neighbouring rays of a case, which are traced in one packet with it.
 
+use crate::math::array;
 use crate::stress::case::{Neighbour, Shape, StressCase};
 use crate::stress::draw::Draw;
 
@@ -67,7 +68,7 @@ impl PacketSpread {
         if self.is_aimed && case.transform.is_none() {
             // The direction has the length of the case's direction, so that t is similar.
             let corner = corner(draw, case);
-            let to_corner: [f32; 3] = std::array::from_fn(|i| corner[i] - origin[i]);
+            let to_corner: [f32; 3] = array::from_fn(|i| corner[i] - origin[i]);
             let by = long / draw.size(to_corner);
             direction = to_corner.map(|x| x * by);
         }

@@ -2,6 +2,7 @@
 //! instances.
 
 use crate::geometry::{Ray, Transform};
+use crate::math::array;
 use crate::stress::case::{Placement, Shape, StressCase};
 use crate::stress::draw::Draw;
 use crate::stress::family::any;
@@ -38,7 +39,7 @@ pub(super) fn sheet(draw: &mut Draw, side: usize) -> Sheet {
             2 => (draw.below(3) as f32 - 1.0) * 0.5,
             _ => draw.unit(),
         };
-        points.push(std::array::from_fn(|i| (point[i] + away[i]) * scale));
+        points.push(array::from_fn(|i| (point[i] + away[i]) * scale));
     }
     let mut triangles = Vec::new();
     for square in 0..side * side {
@@ -61,7 +62,7 @@ impl Sheet {
             3 => [0.25, 0.25],
             _ => [draw.unit().abs() * 0.5, draw.unit().abs() * 0.5],
         };
-        std::array::from_fn(|i| a[i] + v * (b[i] - a[i]) + w * (c[i] - a[i]))
+        array::from_fn(|i| a[i] + v * (b[i] - a[i]) + w * (c[i] - a[i]))
     }
 }
 
@@ -97,7 +98,7 @@ pub(super) fn grids(draw: &mut Draw) -> StressCase {
         Shape::Aabb([min, max])
     });
     let shapes = shapes.collect();
-    let target = std::array::from_fn(|_| (draw.below(2 * side + 1) as f32 * 0.5 - 1.0) * scale);
+    let target = array::from_fn(|_| (draw.below(2 * side + 1) as f32 * 0.5 - 1.0) * scale);
     case_aimed_at(draw, shapes, target, scale)
 }
 
@@ -141,14 +142,14 @@ fn coplanar_ends(draw: &mut Draw) -> StressCase {
     };
     // The ray passes near the middle, across or along.
     let u = [0.5, 0.5, draw.unit().abs()][draw.below(3)];
-    let mut target: [f32; 3] = std::array::from_fn(|i| p[i] + (q[i] - p[i]) * u);
+    let mut target: [f32; 3] = array::from_fn(|i| p[i] + (q[i] - p[i]) * u);
     target[up] = [top, top.next_up(), top.next_down()][draw.below(3)];
     let mut direction = [0.0; 3];
     direction[across] = 1.0;
     if draw.one_in(2) {
         direction[along] = draw.unit();
     }
-    let origin = std::array::from_fn(|i| target[i] - 16.0 * scale * direction[i]);
+    let origin = array::from_fn(|i| target[i] - 16.0 * scale * direction[i]);
     StressCase::new(shapes, Ray::new(origin, direction).into())
 }
 
@@ -165,9 +166,9 @@ fn strand(draw: &mut Draw) -> (Vec<Shape>, f32) {
     for _ in 0..count {
         let from = points[points.len() - 1];
         let way = if is_lattice { draw.lattice(1.0) } else { heading };
-        points.push(std::array::from_fn(|i| from[i] + way[i] * step));
+        points.push(array::from_fn(|i| from[i] + way[i] * step));
         let turn = draw.anywhere(0.5);
-        heading = std::array::from_fn(|i| (heading[i] + turn[i]).clamp(-1.0, 1.0));
+        heading = array::from_fn(|i| (heading[i] + turn[i]).clamp(-1.0, 1.0));
     }
     let radii: Vec<f32> =
         (0..=count).map(|k| if tapers { thin * (count - k) as f32 / count as f32 } else { thin }).collect();

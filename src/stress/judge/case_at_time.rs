@@ -7,6 +7,7 @@ use std::cmp::Ordering;
 use crate::accel::motion::interpolate;
 use crate::accel::{InstanceFlags, RayFlags, TraceRay};
 use crate::geometry::{Intersection, ObjectRay, Precision, Ray, Surface, Transform};
+use crate::math::array;
 use crate::stress::case::{Placement, Shape, StressCase};
 use crate::stress::judge::primitive::{bounds, intersect};
 use crate::stress::judge::{Failure, fail};
@@ -51,7 +52,7 @@ impl CaseAtTime {
         let shapes = case.shapes.iter().map(|shape| match shape {
             Shape::MovingTriangle([first, second]) => {
                 let number = |i: usize, j: usize| interpolate(first[i][j], second[i][j], time);
-                Shape::Triangle(std::array::from_fn(|i| std::array::from_fn(|j| number(i, j))))
+                Shape::Triangle(array::from_fn(|i| array::from_fn(|j| number(i, j))))
             }
             still => *still,
         });
