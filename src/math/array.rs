@@ -1,9 +1,9 @@
 //! Arrays of small values, made element by element in plain loops.
 //!
-//! `std::array::from_fn` and `map` do the same for any type, and are six functions for each closure:
-//! code to be compiled, and those that are not marked `#[inline]` are called for each element, from
-//! another codegen unit. These are not marked `#[inline(always)]`: optimised before they are inlined,
-//! they take a sixth of the time of the whole library less to compile.
+//! `std::array::from_fn` and `map` do the same for any type, and are six functions for each
+//! closure: code to be compiled, and those that are not marked `#[inline]` are called for each
+//! element, from another codegen unit. These are not marked `#[inline(always)]`: optimised before
+//! they are inlined, they take a sixth of the time of the whole library less to compile.
 
 /// An array whose elements are those of a function of their index, called in order.
 #[allow(clippy::needless_range_loop, reason = "the least code: one loop over numbers serves all")]
