@@ -57,7 +57,7 @@ impl BuildThreads {
     ) {
         match self {
             Self::One => list.extend((0..count).map(make)),
-            Self::Pool => list.par_extend((0..count).into_par_iter().map(make)),
+            Self::Pool => extend_in_pool(list, count, &make),
         }
     }
 
@@ -94,6 +94,12 @@ impl BuildThreads {
             }
         }
     }
+}
+
+/// Appends what `make` makes of each index, by all threads of the pool. It is called through a
+/// pointer: rayon would be instantiated for each of them, not only for each type.
+fn extend_in_pool<T: Send>(list: &mut Vec<T>, count: usize, make: &(dyn Fn(usize) -> T + Sync)) {
+    list.par_extend((0..count).into_par_iter().map(make));
 }
 
 /// Something that a thread of the pool does.

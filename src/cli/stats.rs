@@ -10,7 +10,7 @@ use crate::program::race_analysis::Memory;
 use crate::scene::Assembled;
 use crate::scene::image_entry::ImageContent;
 use crate::scene::pass::{Dispatch, PassWork};
-use crate::sorted::sort_by_key;
+use crate::sorted::{sort, sort_by_key};
 
 /// The lines of `--stats` about rays, invocations, occupancy and times.
 pub(super) fn table(stats: &Stats, load_time: Duration, launch_time: Duration) -> String {
@@ -127,7 +127,7 @@ pub(super) fn elided(stats: &Stats, assembled: &Assembled) -> String {
                 kinds.push(kind);
             }
         }
-        kinds.sort_unstable();
+        sort(&mut kinds);
         let number = |which: fn(&Blas) -> bool| blases.iter().filter(|blas| which(blas)).count();
         let (built, trees) = (number(Blas::is_built), number(Blas::has_bvh));
         let listed = match number(Blas::is_listed) {

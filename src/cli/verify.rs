@@ -12,6 +12,7 @@ use crate::error::{Error, ErrorKind, ErrorReport, Result};
 use crate::input::{InputLimit, read_argument, read_regular};
 use crate::recording::compare::{AgainstDriver, Agreement, HitComparison};
 use crate::recording::{Comparison, Recording};
+use crate::sorted::sort;
 
 /// Compares hits that a GPU recorded with those of anyhit (docs/verify.md says how to record).
 ///
@@ -172,7 +173,7 @@ fn recordings(paths: &[PathBuf]) -> Result<Vec<(PathBuf, bool)>> {
             let message = format!("{}: no `.safetensors` file in this folder", path.display());
             return Err(Error::new(ErrorKind::InvalidArgument, message));
         }
-        all[before..].sort();
+        sort(&mut all[before..]);
     }
     Ok(all)
 }

@@ -9,6 +9,7 @@ use std::time::UNIX_EPOCH;
 use super::{CompilerFlags, Source};
 use crate::atomic_file::{self, FolderGuard};
 use crate::error::{Error, ErrorKind, Result};
+use crate::sorted::sort;
 
 /// An installed compiler.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -63,7 +64,7 @@ impl Tool {
                 ["slang", "glslang", "shaderc"].iter().any(|part| name.contains(part)) && path.is_file()
             }));
         }
-        files.sort();
+        sort(&mut files);
         files.dedup();
         let words = files.iter().map(|path| {
             let data = fs::metadata(path).ok();

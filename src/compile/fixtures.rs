@@ -23,7 +23,7 @@ use super::source::hash::bytes_hash;
 use super::{CompileOptions, Language, Source, tool};
 use crate::atomic_file;
 use crate::error::{Error, ErrorKind, Place, Result};
-use crate::sorted::{SortedMap, sort_by};
+use crate::sorted::{SortedMap, sort, sort_by};
 
 /// The folder of most sources, in the root of the repository.
 pub const SOURCES: &str = "shaders";
@@ -247,7 +247,7 @@ fn files(folder: &Path, accept: &dyn Fn(&Path) -> bool) -> Result<Vec<String>> {
             }
         }
     }
-    found.sort();
+    sort(&mut found);
     Ok(found)
 }
 

@@ -13,7 +13,7 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::harness::expect::Fix;
 use crate::input::{InputLimit, InputLimits, read_regular};
 use crate::scene::read::{Span, TomlSource};
-use crate::sorted::{SortedMap, sort_by_key};
+use crate::sorted::{SortedMap, sort, sort_by_key};
 use merge::Merge;
 
 /// Writes changes to the files that they are of, and gives the files in order. A file is read again
@@ -49,7 +49,7 @@ pub fn bless(fixes: Vec<Fix>, limits: &InputLimits) -> Result<Vec<PathBuf>> {
             Err(error) => errors.push(error),
         }
     }
-    done.sort();
+    sort(&mut done);
     if errors.is_empty() {
         return Ok(done);
     }

@@ -10,7 +10,7 @@ use crate::input::InputLimit;
 use crate::scene::file::SceneFile;
 use crate::scene::read::{Diagnostics, Document, Parse, Table};
 use crate::scene::{Assembled, Files, LoadOptions, ResolvedScene, RunLimits, SceneFiles, assemble, load};
-use crate::sorted::SortedSet;
+use crate::sorted::{SortedSet, sort};
 
 /// A scene, or one of its variants, that is to meet its expectations.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -77,7 +77,7 @@ pub fn scenes(folder: &Path) -> Result<Vec<PathBuf>> {
 pub fn files_beneath(folder: &Path, wanted: &dyn Fn(&Path) -> bool) -> Result<Vec<PathBuf>> {
     let mut files = Vec::new();
     collect(folder, wanted, &mut files)?;
-    files.sort();
+    sort(&mut files);
     Ok(files)
 }
 

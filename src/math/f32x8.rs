@@ -44,6 +44,12 @@ pub trait F32x8Ops: Copy {
     fn cmp_ge(self, a: Self::F32x8, b: Self::F32x8) -> u32;
     /// Truncates each lane to an integer; saturates, and gives 0 for a NaN.
     fn to_i32(self, a: Self::F32x8) -> [i32; 8];
+    /// [`to_i32`](Self::to_i32) of floats as registers hold them, in words, and so is the result.
+    #[inline(always)]
+    fn truncate_words(self, words: &[u32; 8]) -> [u32; 8] {
+        let floats = self.load(&array::map(*words, f32::from_bits));
+        array::map(self.to_i32(floats), |integer| integer as u32)
+    }
 }
 
 impl F32x8Ops for BaselineSimd {

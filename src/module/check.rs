@@ -8,6 +8,7 @@ use crate::module::grammar::{is_id, opcode, opcode_name, walk};
 use crate::module::id_map::UnknownResults;
 use crate::module::span::{Span, invalid, span_of};
 use crate::module::{BasicBlock, Definition, Id, Instruction, Module, check_access, check_encoding};
+use crate::sorted::sort;
 
 /// Checks every instruction of every function, then that the call graph of no entry point has a
 /// cycle; returns what each function uses.
@@ -45,7 +46,7 @@ pub(super) fn functions(module: &Module, unknown: &UnknownResults) -> Result<Vec
     }
     check_recursion(module, &calls)?;
     let uses = |(calls, mut variables): (Vec<(u32, usize)>, Vec<u32>)| {
-        variables.sort_unstable();
+        sort(&mut variables);
         variables.dedup();
         FunctionUses { calls: calls.into_iter().map(|(callee, _)| callee).collect(), variables }
     };

@@ -3,6 +3,7 @@
 use crate::error::{Error, ErrorKind, Result};
 use crate::module::ty::{Type, TypeId};
 use crate::module::{Definition, Id, Module};
+use crate::sorted::sort;
 
 /// A constant with its type.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -113,7 +114,7 @@ impl Module {
                 Some((spec_id, format!("{spec_id} ({}{name})", self.describe_type(constant.ty))))
             })
             .collect();
-        known.sort();
+        sort(&mut known);
         if known.is_empty() {
             return "it has none at all".to_owned();
         }

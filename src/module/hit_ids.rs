@@ -6,6 +6,7 @@ use rustc_hash::FxHashMap;
 
 use crate::module::decoration::number;
 use crate::module::{Definition, Id, Instruction, Module};
+use crate::sorted::sort;
 
 /// An id of a hit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -102,7 +103,7 @@ impl<'a> HitIds<'a> {
     pub fn among(&self, value: Id) -> Vec<HitId> {
         let mut found = Vec::new();
         self.follow(value, true, &mut Vec::new(), &mut found);
-        found.sort_unstable();
+        sort(&mut found);
         found.dedup();
         found
     }

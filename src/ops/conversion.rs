@@ -11,7 +11,6 @@ use half::f16;
 
 use crate::machine::lanes::{Lanes, map1};
 use crate::machine::{Reg, Scalar};
-use crate::math::array;
 use crate::math::float;
 #[cfg(target_arch = "x86_64")]
 use crate::math::lane_ops::{LaneOps, LaneTask};
@@ -60,8 +59,7 @@ impl LaneTask for Truncate<'_> {
         let mut result = [0; 64];
         let from = self.registers[self.from.0 as usize].0.as_chunks::<8>().0;
         for (at, to) in result.as_chunks_mut::<8>().0.iter_mut().enumerate() {
-            let floats = vectors.load(&array::map(from[at], f32::from_bits));
-            *to = array::map(vectors.to_i32(floats), |integer| integer as u32);
+            *to = vectors.truncate_words(&from[at]);
         }
         self.registers[self.to.0 as usize].0 = result;
     }

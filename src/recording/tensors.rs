@@ -6,6 +6,7 @@ use safetensors::tensor::{Dtype, Metadata, TensorView};
 
 use crate::error::{Error, ErrorKind, Result};
 use crate::input::contained;
+use crate::sorted::sort;
 
 /// The tensors of a file.
 pub(super) struct Tensors<'a> {
@@ -64,7 +65,7 @@ impl<'a> Tensors<'a> {
         };
         let names = self.tensors.names().into_iter().filter(|name| !known(name));
         let mut names: Vec<_> = names.map(str::to_owned).collect();
-        names.sort_unstable();
+        sort(&mut names);
         names
     }
 
@@ -79,7 +80,7 @@ impl<'a> Tensors<'a> {
     pub(super) fn missing(&self, name: &str) -> Error {
         let error = Error::new(ErrorKind::InvalidRecording, format!("there is no tensor `{name}`"));
         let mut names = self.tensors.names();
-        names.sort_unstable();
+        sort(&mut names);
         let shown: Vec<_> = names.iter().take(40).map(|name| format!("`{name}`")).collect();
         error.note(format!("the tensors here are: {}", shown.join(", ")))
     }

@@ -19,6 +19,7 @@ use crate::sanitize::names::{Argument, function_of, word_path, workgroup_path};
 use crate::sanitize::plan::ProgramPlan;
 use crate::sanitize::races::{self, Location, Race};
 use crate::sanitize::rule::{self, Level, Rule, contract, memory, race};
+use crate::sorted::sort;
 
 /// What depends on a value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -233,7 +234,7 @@ impl<const W: usize> Reporter<'_, W> {
             (here.shader, line_or_offset(program, op)),
             (found.other.shader, line_or_offset(other, found.other.op)),
         ];
-        key.sort_unstable();
+        sort(&mut key);
         let (message, mut note) = race_words(found, [program, other], &location, [x, y, z]);
         note += &self.line(found.other);
         if let Some(handle) = found.other_handle {

@@ -17,6 +17,7 @@ use crate::scene::mesh_piece::tables::{
 };
 use crate::scene::open_models::MeshSelection;
 use crate::scene::read::{Named, OneOrMore, Parse, Span, Spanned, Table, TomlValue, unknown_name};
+use crate::sorted::sort;
 
 /// A piece that comes from meshes.
 #[derive(Clone, Debug)]
@@ -258,7 +259,7 @@ impl<'m> SceneMeshes<'m> {
         let found = self.names.get(&name.value).map(|found| found.as_ref().map_err(Clone::clone));
         found.unwrap_or_else(|| {
             let mut names: Vec<&str> = self.names.keys().map(String::as_str).collect();
-            names.sort_unstable();
+            sort(&mut names);
             let message = format!("no mesh is named `{}`", name.value);
             let otherwise = "a mesh is a geometry with a file, or one of a `[[model]]`";
             Err(unknown_name(name, message, otherwise, || names.iter().copied()))

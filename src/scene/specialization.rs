@@ -10,6 +10,7 @@ use crate::scene::addresses::Addresses;
 use crate::scene::data::ScalarPiece;
 use crate::scene::read::{Parse, Spanned, TomlValue, integer};
 use crate::scene::tree::Toml;
+use crate::sorted::sort;
 
 /// Which specialization constant a value is for.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -43,7 +44,7 @@ impl SpecializationKey {
             let known = known.filter_map(|constant| Some((constant.spec_id?, module.name(constant.id)?)));
             let mut known: Vec<_> =
                 known.filter(|(_, name)| wanted.is_none_or(|wanted| *name == wanted)).collect();
-            known.sort_unstable();
+            sort(&mut known);
             known.dedup();
             known
         };

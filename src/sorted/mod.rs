@@ -6,10 +6,14 @@
 //! sorting takes a call for each comparison. So these are for what a scene, a module or a report
 //! names, not for what a launch does.
 
+#[cfg(feature = "compilers")]
+mod json;
 mod map;
 mod set;
 mod sort;
 
+#[cfg(feature = "compilers")]
+pub use json::json_object;
 pub use map::{MapEntry, MapIter, SortedMap};
 pub use set::SortedSet;
-pub use sort::{sort_by, sort_by_key};
+pub use sort::{sort, sort_by, sort_by_key};

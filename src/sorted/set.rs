@@ -6,6 +6,8 @@ use std::ops::RangeInclusive;
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
+use crate::sorted::sort;
+
 /// A set in ascending order, for few elements.
 #[derive(Clone, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct SortedSet<T> {
@@ -121,7 +123,7 @@ impl<T: fmt::Debug> fmt::Debug for SortedSet<T> {
 impl<T: Ord> FromIterator<T> for SortedSet<T> {
     fn from_iter<I: IntoIterator<Item = T>>(elements: I) -> Self {
         let mut elements: Vec<T> = elements.into_iter().collect();
-        elements.sort_unstable();
+        sort(&mut elements);
         elements.dedup();
         Self { elements }
     }

@@ -2,6 +2,11 @@
 
 use std::cmp::Ordering;
 
+/// Sorts items. Those that are equal keep their order.
+pub fn sort<T: Ord>(items: &mut [T]) {
+    sort_by(items, T::cmp);
+}
+
 /// Sorts items by a key. Items with equal keys keep their order.
 pub fn sort_by_key<T, K: Ord>(items: &mut [T], key: impl Fn(&T) -> K) {
     sort_by(items, |one, other| key(one).cmp(&key(other)));
@@ -9,6 +14,9 @@ pub fn sort_by_key<T, K: Ord>(items: &mut [T], key: impl Fn(&T) -> K) {
 
 /// Sorts items by a comparison. Items that it calls equal keep their order.
 pub fn sort_by<T>(items: &mut [T], compare: impl Fn(&T, &T) -> Ordering) {
+    if items.len() < 2 {
+        return;
+    }
     let mut order = order(items.len(), &|one, other| compare(&items[one], &items[other]));
     for first in 0..items.len() {
         // Along each cycle an item comes to its place, and what was there goes on to the next.

@@ -17,6 +17,7 @@ use crate::accel::{
 };
 use crate::geometry::{Bounds, Intersection, ObjectRay, Precision, Ray};
 use crate::pipeline::map_on_threads;
+use crate::sorted::sort_by;
 use crate::stress::case::Shape;
 use crate::stress::draw::Draw;
 use crate::stress::judge::primitive::{bounds, intersect};
@@ -235,7 +236,7 @@ impl<'a> TlasJudge<'a> {
             let HitPrimitive { instance, geometry, primitive } = hit.hit_primitive;
             (instance, geometry, primitive)
         };
-        hits.sort_by(|a, b| a.found.t.total_cmp(&b.found.t).then_with(|| key(a).cmp(&key(b))));
+        sort_by(&mut hits, |a, b| a.found.t.total_cmp(&b.found.t).then_with(|| key(a).cmp(&key(b))));
         hits
     }
 

@@ -29,6 +29,7 @@ use crate::machine::image::Image;
 use crate::scene::image::{Picture, PictureKind, Rgba8, write_picture};
 use crate::scene::resources::Output;
 use crate::scene::{Assembled, Files, ResolvedScene};
+use crate::sorted::json_object;
 
 /// The version of what `--json` prints.
 const VERSION: u32 = 1;
@@ -362,11 +363,10 @@ fn told(heat: &Heat, command: &[String; 2]) -> String {
 /// A heat map as JSON.
 fn told_json(heat: &Heat, command: &[String; 2]) -> String {
     const PERCENTS: [u32; 5] = [0, 50, 90, 99, 100];
-    let percentiles: serde_json::Map<String, Value> = PERCENTS
-        .iter()
-        .zip(heat.percentiles(PERCENTS))
-        .map(|(percent, value)| (percent.to_string(), json!(value)))
-        .collect();
+    let percentiles = heat.percentiles(PERCENTS);
+    let percentiles = json_object(
+        PERCENTS.iter().zip(percentiles).map(|(percent, value)| (percent.to_string(), json!(value))),
+    );
     let worst: Vec<Value> = heat
         .worst(WORST)
         .into_iter()

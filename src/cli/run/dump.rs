@@ -15,6 +15,7 @@ use crate::machine::{Binding, Buffer, Descriptor, DeviceMemory, Resources};
 use crate::ops::pointer::storage;
 use crate::scene::resources::Resource;
 use crate::scene::{Assembled, ResolvedScene, resolved};
+use crate::sorted::json_object;
 
 /// How a resource is shown.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -330,8 +331,7 @@ fn scalar(value: &Value) -> String {
 
 fn json_of(value: &Value) -> serde_json::Value {
     if value.fields().next().is_some() {
-        let fields = value.fields().map(|(name, field)| (name.to_owned(), json_of(field)));
-        return serde_json::Value::Object(fields.collect());
+        return json_object(value.fields().map(|(name, field)| (name.to_owned(), json_of(field))));
     }
     if !value.elements().is_empty() {
         return value.elements().iter().map(json_of).collect();

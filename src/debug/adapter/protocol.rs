@@ -9,6 +9,7 @@ use serde::de::DeserializeOwned;
 use serde_json::{Map, Value, json};
 
 use crate::error::Error;
+use crate::sorted::json_object;
 
 /// A request of the client.
 #[derive(Clone, Debug, PartialEq)]
@@ -167,7 +168,7 @@ fn without_nulls(value: Value) -> Value {
     match value {
         Value::Object(members) => {
             let kept = members.into_iter().filter(|(_, value)| !value.is_null());
-            Value::Object(kept.map(|(name, value)| (name, without_nulls(value))).collect())
+            json_object(kept.map(|(name, value)| (name, without_nulls(value))))
         }
         Value::Array(items) => Value::Array(items.into_iter().map(without_nulls).collect()),
         value => value,

@@ -10,6 +10,7 @@ use emmy_dap_types::types::Source;
 use serde_json::{Value, json};
 
 use crate::debug::debugger::{Debugger, SourceMap, SourcePosition};
+use crate::sorted::sort;
 
 use super::disassembly::Listing;
 use super::frames::stage_name;
@@ -118,7 +119,7 @@ impl Sources {
             return Some(file as u32);
         }
         let mut files: Vec<u32> = self.map.lines_of(&wanted).map(|(_, position)| position.file).collect();
-        files.sort_unstable();
+        sort(&mut files);
         files.dedup();
         match files[..] {
             [file] => Some(file),
@@ -136,7 +137,7 @@ impl Sources {
         let all = self.map.lines_of(self.name(file));
         let own = all.filter(|(_, position)| position.file == file);
         let mut lines: Vec<u32> = own.map(|(_, position)| self.shown_line(position)).collect();
-        lines.sort_unstable();
+        sort(&mut lines);
         lines.dedup();
         lines
     }

@@ -1,6 +1,7 @@
 //! A console beside an editor, which steps and shows output by itself.
 
 use crate::debug::debugger::{Debugger, StopReason};
+use crate::sorted::sort;
 
 use super::Console;
 use super::command::COMMANDS;
@@ -48,7 +49,7 @@ impl Console {
             let names = self.debugger.variable_names(self.frame);
             let mut names: Vec<_> =
                 names.into_iter().filter(|name| name.starts_with(&line[start..])).collect();
-            names.sort_unstable();
+            sort(&mut names);
             names.dedup();
             words.extend(names);
         }

@@ -14,6 +14,7 @@ use crate::debug::debugger::{
     Breakpoint, BreakpointId, BreakpointPlace, Debugger, LastWrite, StackFrame, Stepping, StopReason,
     Variable, VariableKind, VariablePlace,
 };
+use crate::sorted::sort;
 
 use command::{Action, help};
 pub use command::{COMMANDS, Command, complete};
@@ -96,7 +97,7 @@ impl Console {
         let names = self.debugger.variable_names(self.frame);
         let names = names.into_iter().chain(self.debugger.sources().function_names());
         let mut fitting: Vec<String> = names.filter(|name| name.starts_with(word)).collect();
-        fitting.sort_unstable();
+        sort(&mut fitting);
         fitting.dedup();
         (start, fitting)
     }

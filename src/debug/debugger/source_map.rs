@@ -7,6 +7,7 @@ use rustc_hash::FxHashMap;
 use crate::machine::{BlockIndex, OpIndex, ShaderIndex};
 use crate::module::{Function, Id};
 use crate::program::{Program, Terminator};
+use crate::sorted::sort;
 
 use super::prologue::body_offset;
 use super::source_frames::SourceFrame;
@@ -132,7 +133,7 @@ impl SourceMap {
             (0..sites.program.scopes.len() as u32).map(|scope| sites.function_name(scope)).collect()
         };
         let mut names: Vec<String> = self.shaders.iter().flat_map(of).collect();
-        names.sort_unstable();
+        sort(&mut names);
         names.dedup();
         names
     }

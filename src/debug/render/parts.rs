@@ -6,6 +6,7 @@ use crate::debug::summary_words;
 use crate::debug::transcript::{ShaderLabel, ShaderRun, Step, Transcript, TranscriptLine};
 use crate::debug::walk::{self, AnyRay};
 use crate::error::{Error, ErrorKind, Result};
+use crate::sorted::sort;
 
 /// Which parts of a transcript are shown: those that fit all that is given.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -87,7 +88,7 @@ fn nothing(transcript: &Transcript) -> Error {
     let deepest = rays.iter().map(|placed| depth(placed.ray)).max().unwrap_or(0);
     let mut shaders: Vec<String> =
         walk::runs(&transcript.root).into_iter().map(|run| summary_words::label(&run.shader)).collect();
-    shaders.sort();
+    sort(&mut shaders);
     shaders.dedup();
     invalid("nothing that ran fits --depth, --sample, --shader and --at together")
         .note(format!("the deepest ray is at depth {deepest}; the shaders that ran: {}", shaders.join(", ")))

@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use crate::error::{Error, ErrorClass, ErrorKind};
 use crate::harness::shares::results::{ShareResult, ShareResults};
 use crate::harness::smoke::{SmokeReport, SmokeVerdict};
-use crate::sorted::sort_by_key;
+use crate::sorted::{json_object, sort_by_key};
 
 /// What the shares of a run have in common.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -169,11 +169,9 @@ impl SmokeResult {
             json["verdict"] = json!(module.verdict);
             json
         };
-        let counts: serde_json::Map<String, Value> = self
-            .counts()
-            .into_iter()
-            .map(|(verdict, count)| (json!(verdict).as_str().unwrap_or_default().to_owned(), json!(count)))
-            .collect();
+        let name = |verdict| json!(verdict).as_str().unwrap_or_default().to_owned();
+        let counts =
+            json_object(self.counts().into_iter().map(|(verdict, count)| (name(verdict), json!(count))));
         json!({ "modules": self.modules.iter().map(module).collect::<Vec<_>>(), "counts": counts })
     }
 

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::harness::shares::shard::Shard;
-use crate::sorted::{SortedMap, sort_by_key};
+use crate::sorted::{SortedMap, sort, sort_by_key};
 
 /// How long tests took, by their names.
 ///
@@ -57,7 +57,7 @@ impl Timings {
         let known: Vec<Option<u64>> =
             names.iter().map(|name| self.milliseconds.get(*name).copied()).collect();
         let mut sorted: Vec<u64> = known.iter().copied().flatten().collect();
-        sorted.sort_unstable();
+        sort(&mut sorted);
         let median = sorted.get(sorted.len() / 2).copied().unwrap_or(1);
         let weight = |place: usize| known[place].unwrap_or(median);
         let mut places: Vec<usize> = (0..names.len()).collect();

@@ -23,6 +23,7 @@ use crate::ops::shadow_op::{ScratchRegisters, ShadowOp};
 use crate::ops::{ray_query, ray_tracing};
 use crate::pipeline::Event;
 use crate::program::Terminator;
+use crate::sorted::sort_by_key;
 
 /// A sum or difference that loses more bits than this counts as a cancellation.
 const CANCELLATION_BITS: f64 = 8.0;
@@ -84,7 +85,7 @@ impl<'a> ShadowInterpreter<'a> {
     pub(super) fn findings(&self) -> ShadowFindings {
         let mut shadow = ShadowFindings::default();
         let mut found: Vec<_> = self.found.iter().collect();
-        found.sort_unstable_by_key(|(key, _)| **key);
+        sort_by_key(&mut found, |(key, _)| **key);
         for (&(shader, offset), found) in found {
             shadow.results += found.results;
             shadow.lines.entry(self.context.programs.location(shader, offset)).or_default().add(found);

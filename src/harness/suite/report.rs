@@ -10,6 +10,7 @@ use serde_json::{Value, json};
 use crate::error::{Error, Place};
 use crate::harness::coverage::Coverage;
 use crate::harness::suite::{Ended, Finished, Outcome, SuiteResult, TestFailure};
+use crate::sorted::json_object;
 
 /// The version of the JSON.
 const VERSION: u32 = 1;
@@ -243,8 +244,8 @@ pub fn json(result: &SuiteResult) -> Value {
     });
     if let Some(coverage) = &result.coverage {
         let [[lines, all_lines], [ways, all_ways]] = coverage.totals();
-        let rays: serde_json::Map<String, Value> =
-            coverage.rays.kinds().into_iter().map(|(kind, uses)| (kind.to_owned(), json!(uses))).collect();
+        let rays =
+            json_object(coverage.rays.kinds().into_iter().map(|(kind, uses)| (kind.to_owned(), json!(uses))));
         all["coverage"] = json!({
             "lines": { "run": lines, "all": all_lines },
             "ways": { "taken": ways, "all": all_ways },

@@ -2,7 +2,6 @@
 
 use crate::interp::superop::words::WordFunction;
 use crate::machine::Lanes;
-use crate::math::array;
 use crate::math::lane_ops::LaneOps;
 use crate::ops::superop::function::has_operand;
 use crate::ops::superop::{DIRECT_REGISTERS, Operands, SuperOp};
@@ -80,8 +79,7 @@ pub(super) fn to_integers<const W: usize, V: LaneOps, const ACC_OPERAND: usize, 
     let mut result = [0; W];
     let floats = floats.as_chunks::<8>().0;
     for (at, to) in result.as_chunks_mut::<8>().0.iter_mut().enumerate() {
-        let floats = vectors.load(&array::map(floats[at], f32::from_bits));
-        *to = array::map(vectors.to_i32(floats), |integer| integer as u32);
+        *to = vectors.truncate_words(&floats[at]);
     }
     if STORED {
         registers[usize::from(superop.to)].0 = result;

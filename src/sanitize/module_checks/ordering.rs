@@ -10,6 +10,7 @@ use crate::ops::atomic;
 use crate::ops::pointer::storage;
 use crate::sanitize::module_checks::Fault;
 use crate::sanitize::module_checks::code::{EntryCode, Part};
+use crate::sorted::sort;
 
 /// `VulkanMemoryModelDeviceScope`
 const VULKAN_MEMORY_MODEL_DEVICE_SCOPE: u32 = 5346;
@@ -212,7 +213,7 @@ pub(super) fn barrier_class(code: &EntryCode<'_>, faults: &mut Vec<Fault>) {
     }
     let mut both: Vec<Id> =
         by_variable.iter().filter(|(_, (reads, writes))| *reads && *writes).map(|(id, _)| *id).collect();
-    both.sort_unstable();
+    sort(&mut both);
     let Some(variable) = both.into_iter().find(|&id| !class_of(code, id).is_empty()) else { return };
     let orders = |one: &&Ordering| one.semantics.is_some_and(|semantics| semantics.intersects(CLASSES));
     let Some(barrier) = barriers.iter().find(orders) else { return };

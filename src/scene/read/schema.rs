@@ -4,12 +4,12 @@
 
 use std::any::type_name;
 
-use serde_json::{Map, json};
+use serde_json::json;
 
 use crate::scene::read::recorder::{JsonSchema, Request, SchemaProbe};
 use crate::scene::read::{Diagnostics, Document, Parse, TomlValue};
 use crate::scene::tree::{Toml, TomlNode};
-use crate::sorted::{SortedMap, SortedSet};
+use crate::sorted::{SortedMap, SortedSet, json_object};
 
 /// How deep tables are explored of which no type is known.
 const MAX_DEPTH: usize = 4;
@@ -305,8 +305,7 @@ fn table(members: &[(&'static str, String)]) -> String {
 }
 
 fn object(keys: &SortedMap<&'static str, JsonSchema>, required: &SortedSet<&str>) -> JsonSchema {
-    let properties: Map<String, JsonSchema> =
-        keys.iter().map(|(key, schema)| ((*key).to_owned(), schema.clone())).collect();
+    let properties = json_object(keys.iter().map(|(key, schema)| ((*key).to_owned(), schema.clone())));
     let mut schema = json!({ "type": "object", "properties": properties, "additionalProperties": false });
     if !required.is_empty() {
         schema["required"] = json!(required);

@@ -8,6 +8,7 @@ use crate::accel::motion::interpolate;
 use crate::accel::{InstanceFlags, RayFlags, TraceRay};
 use crate::geometry::{Intersection, ObjectRay, Precision, Ray, Surface, Transform};
 use crate::math::array;
+use crate::sorted::sort_by;
 use crate::stress::case::{Placement, Shape, StressCase};
 use crate::stress::judge::primitive::{bounds, intersect};
 use crate::stress::judge::{Failure, fail};
@@ -150,7 +151,7 @@ impl CaseAtTime {
         }
         let key = |hit: &ExactHit| (hit.instance, hit.shape);
         let order = |a: &ExactHit, b: &ExactHit| a.found.t.partial_cmp(&b.found.t).unwrap_or(Ordering::Equal);
-        hits.sort_by(|a, b| order(a, b).then_with(|| key(a).cmp(&key(b))));
+        sort_by(&mut hits, |a, b| order(a, b).then_with(|| key(a).cmp(&key(b))));
         hits
     }
 }
