@@ -12,7 +12,7 @@ use crate::pipeline::Pipeline;
 use crate::scene::ResolvedScene;
 use crate::scene::pass::Pass;
 use crate::scene::resolved::RebindingSource;
-use crate::sorted::{SortedMap, sort};
+use crate::sorted::SortedMap;
 
 /// The number of changes that are listed; the others are counted.
 const MAX_CHANGES: usize = 256;
@@ -129,7 +129,7 @@ fn changed_texels(before: &ImageState, after: &Image, wanted: Option<[u32; 3]>) 
     let format = after.format();
     let changed = after.texels_unlike(before).take_while(|&texel| (texel as u64) < shape.level_texels(0));
     let mut numbers: Vec<usize> = changed.chain(wanted).collect();
-    sort(&mut numbers);
+    numbers.sort_unstable();
     numbers.dedup();
     let change = |number: usize| {
         let [before, after] = [before.load(number), after.load(number)].map(|bits| colour(format, bits));
