@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 
 use crate::sanitize::record::FindingRecord;
 use crate::sanitize::rule::{self, Level};
-use crate::sorted::sort;
+use crate::sorted::SortedSet;
 
 /// Findings as a list of objects: `rule`, `level`, `kind`, `class`, `message`, `file`, `line`,
 /// `count`, `launch_id`, `stack`, `notes`, `source` and `help`.
@@ -63,9 +63,7 @@ pub fn github(findings: &[FindingRecord]) -> String {
 
 /// The lines of a baseline, which lists findings as known ones.
 pub fn baseline(findings: &[FindingRecord]) -> String {
-    let mut lines: Vec<String> = findings.iter().map(FindingRecord::baseline_line).collect();
-    sort(&mut lines);
-    lines.dedup();
+    let lines: SortedSet<String> = findings.iter().map(FindingRecord::baseline_line).collect();
     lines.iter().fold(String::new(), |text, line| text + line + "\n")
 }
 

@@ -1,5 +1,5 @@
-//! Maps and sets of few entries, as vectors in ascending order of their keys, and sorting of few
-//! items.
+//! Maps and sets of few entries, as vectors in ascending order of their keys, objects of JSON, and
+//! sorting of few items.
 //!
 //! They have the methods of `BTreeMap`, `BTreeSet` and slices that this crate uses, and compile to
 //! a tenth of the code for each type. In return, an insertion before other entries moves them, and

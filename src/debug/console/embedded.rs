@@ -1,7 +1,7 @@
 //! A console beside an editor, which steps and shows output by itself.
 
 use crate::debug::debugger::{Debugger, StopReason};
-use crate::sorted::sort;
+use crate::sorted::SortedSet;
 
 use super::Console;
 use super::command::COMMANDS;
@@ -47,10 +47,8 @@ impl Console {
         let (start, mut words) = self.complete(line);
         if line[..start].trim().is_empty() {
             let names = self.debugger.variable_names(self.frame);
-            let mut names: Vec<_> =
+            let names: SortedSet<_> =
                 names.into_iter().filter(|name| name.starts_with(&line[start..])).collect();
-            sort(&mut names);
-            names.dedup();
             words.extend(names);
         }
         (start, words)

@@ -19,7 +19,7 @@ use crate::module::{Function, GlobalVariable, Id, Module};
 use crate::ops::builtin;
 use crate::ops::pointer::storage;
 use crate::program::Program;
-use crate::sorted::{sort, sort_by_key};
+use crate::sorted::{SortedSet, sort_by_key};
 
 /// The `BuiltIn` decoration.
 const BUILT_IN: u32 = 11;
@@ -241,9 +241,7 @@ fn place_of_local(
         };
         return (place, is_declared);
     }
-    let mut paths: Vec<&SmallVec<[u32; 2]>> = local.locations.iter().map(|one| &one.path).collect();
-    sort(&mut paths);
-    paths.dedup();
+    let paths: SortedSet<&SmallVec<[u32; 2]>> = local.locations.iter().map(|one| &one.path).collect();
     let mut parts = Vec::new();
     let mut ambiguous = false;
     for path in paths {

@@ -201,7 +201,7 @@ fn share(held: &mut Descriptor, new: &Descriptor) {
         (Some(_), _) => {}
         (None, _) => kinds.push(new.clone()),
     }
-    sort_by_key(&mut kinds, |kind| match kind {
+    kinds.sort_by_cached_key(|kind| match kind {
         Descriptor::Image(image) => format!("image {:?} {:?}", image.shape(), image.format()),
         Descriptor::ImageSampler(image, _) => format!("sampled {:?} {:?}", image.shape(), image.format()),
         other => format!("{:?}", std::mem::discriminant(other)),
