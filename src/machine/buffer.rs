@@ -28,18 +28,30 @@ impl Buffer {
 
     /// A buffer that holds these bytes.
     pub fn new(bytes: &[u8]) -> Arc<Self> {
-        let (words, rest) = bytes.as_chunks();
-        let mut last = [0; 4];
-        last[..rest.len()].copy_from_slice(rest);
-        let last = (!rest.is_empty()).then_some(&last);
-        let words = words.iter().chain(last).map(|word| AtomicU32::new(u32::from_le_bytes(*word)));
-        Self::whole(words.collect(), bytes.len() as u64)
+        Self::with_size(bytes, bytes.len())
+    }
+
+    /// A buffer of a size in bytes that begins with these, or with as many of them as it has; the
+    /// rest is zero.
+    #[doc(hidden)]
+    pub fn with_size(bytes: &[u8], size: usize) -> Arc<Self> {
+        let mut memory = zeros(size);
+        let words = Arc::get_mut(&mut memory).expect("nobody else has it");
+        let (whole, rest) = bytes[..bytes.len().min(size)].as_chunks();
+        for (word, bytes) in words.iter_mut().zip(whole) {
+            *word.get_mut() = u32::from_le_bytes(*bytes);
+        }
+        if let Some(word) = words.get_mut(whole.len()) {
+            let mut last = [0; 4];
+            last[..rest.len()].copy_from_slice(rest);
+            *word.get_mut() = u32::from_le_bytes(last);
+        }
+        Self::whole(memory, size as u64)
     }
 
     /// A buffer of zeros.
     pub fn zeroed(size: usize) -> Arc<Self> {
-        let words = (0..size.div_ceil(4)).map(|_| AtomicU32::new(0));
-        Self::whole(words.collect(), size as u64)
+        Self::whole(zeros(size), size as u64)
     }
 
     fn whole(memory: Arc<[AtomicU32]>, size: u64) -> Arc<Self> {
@@ -215,5 +227,28 @@ impl Buffer {
     pub fn word(&self, offset: u64) -> Option<&AtomicU32> {
         let inside = offset.is_multiple_of(4) && offset.checked_add(4)? <= self.size;
         inside.then(|| self.word_at(offset))
+    }
+}
+
+/// As many words of zero as this many bytes take.
+fn zeros(bytes: usize) -> Arc<[AtomicU32]> {
+    (0..bytes.div_ceil(4)).map(|_| AtomicU32::new(0)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_behind_the_given_bytes_is_zero() {
+        let bytes = |given: &[u8], size| Buffer::with_size(given, size).bytes();
+        assert_eq!(bytes(&[1, 2, 3, 4, 5], 10), [1, 2, 3, 4, 5, 0, 0, 0, 0, 0]);
+        assert_eq!(bytes(&[1, 2, 3, 4, 5, 6, 7, 8], 7), [1, 2, 3, 4, 5, 6, 7]);
+        assert_eq!(bytes(&[1, 2, 3, 4], 8), [1, 2, 3, 4, 0, 0, 0, 0]);
+        assert_eq!(bytes(&[], 3), [0, 0, 0]);
+        // What is beyond the size is nobody's, the rest of its last word included.
+        let words = Buffer::with_size(&[1, 2, 3, 4, 5, 6], 5);
+        let words: Vec<u32> = words.words().iter().map(|word| word.load(Relaxed)).collect();
+        assert_eq!(words, [u32::from_le_bytes([1, 2, 3, 4]), 5]);
     }
 }

@@ -68,16 +68,43 @@ pub(super) enum WideIntegers {
 pub(super) struct FillExtent {
     /// Invocations along each axis: images have a texel for each.
     pub invocations: [u32; 3],
-    /// 1, or more where that was too little.
-    pub scale: u32,
+    /// How much larger than at first they are.
+    pub scale: ResourceScale,
+}
+
+/// By how much resources of each kind are larger than at first: 1, or more where that was too
+/// little.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct ResourceScale {
+    /// Runtime arrays in buffers and behind addresses.
+    pub buffers: u32,
+    /// Runtime arrays of descriptors.
+    pub descriptors: u32,
+    /// Images and texel buffers.
+    pub images: u32,
+}
+
+impl Default for ResourceScale {
+    fn default() -> Self {
+        Self { buffers: 1, descriptors: 1, images: 1 }
+    }
 }
 
 impl FillExtent {
-    /// Elements of this many bytes that runtime arrays have.
+    /// Elements of this many bytes that runtime arrays of buffers have.
     pub(super) fn elements(&self, stride: usize) -> usize {
+        self.elements_at(self.scale.buffers, stride)
+    }
+
+    /// Texels that texel buffers have.
+    pub(super) fn texels(&self) -> usize {
+        self.elements_at(self.scale.images, 1024)
+    }
+
+    fn elements_at(&self, scale: u32, stride: usize) -> usize {
         let sides = self.invocations.iter().map(|&side| u64::from(side));
         let invocations = sides.fold(1, u64::saturating_mul);
-        let scale = self.scale as usize;
+        let scale = scale as usize;
         let wanted = ELEMENTS.max(invocations.min(1 << 20) as usize).saturating_mul(scale);
         let most = MOST_BYTES[0].saturating_mul(scale).min(MOST_BYTES[1]);
         (most / stride.max(1)).clamp(1, wanted)
@@ -196,6 +223,42 @@ impl MadeUpBytes {
     }
 }
 
+/// Bytes of a buffer up to the last one that has a value; the rest of its size is zero.
+pub(super) struct FilledBytes {
+    bytes: Vec<u8>,
+    size: usize,
+}
+
+impl FilledBytes {
+    fn zeroed(size: usize) -> Self {
+        // The last value may reach beyond.
+        Self { bytes: vec![0; size.min(MOST_FILLED + size_of::<u64>())], size }
+    }
+
+    /// All bytes.
+    pub(super) fn whole(mut self) -> Vec<u8> {
+        self.bytes.resize(self.size, 0);
+        self.bytes
+    }
+
+    /// A buffer of them.
+    pub(super) fn buffer(&self) -> Arc<Buffer> {
+        Buffer::with_size(&self.bytes, self.size)
+    }
+
+    /// The bytes at which no value begins any more.
+    fn end(&self) -> usize {
+        self.size.min(MOST_FILLED)
+    }
+
+    fn put(&mut self, offset: usize, size: usize, value: u64) {
+        let end = offset.saturating_add(size.min(8));
+        if let Some(to) = self.bytes.get_mut(offset..end) {
+            to.copy_from_slice(&value.to_le_bytes()[..size.min(8)]);
+        }
+    }
+}
+
 /// Fills memory by its types, and makes the memory that its addresses lead to.
 pub(super) struct Filler<'a> {
     module: &'a Module,
@@ -231,7 +294,7 @@ impl<'a> Filler<'a> {
     ///
     /// # Errors
     /// As [`MadeUpBytes::add`].
-    pub(super) fn block(&mut self, ty: TypeId, root: u64) -> Result<Vec<u8>> {
+    pub(super) fn block(&mut self, ty: TypeId, root: u64) -> Result<FilledBytes> {
         let layout = Layout::new(self.module, ty, Rules::Explicit);
         let size = match layout.runtime_stride() {
             Some((offset, stride)) => {
@@ -248,13 +311,13 @@ impl<'a> Filler<'a> {
     /// As [`MadeUpBytes::add`].
     pub(super) fn words(&mut self, ty: TypeId, root: u64) -> Result<Vec<u32>> {
         let layout = Layout::new(self.module, ty, Rules::Packed);
-        let bytes = self.filled(layout, layout.size(), root)?;
+        let bytes = self.filled(layout, layout.size(), root)?.whole();
         Ok(bytes.chunks_exact(4).map(bytemuck::pod_read_unaligned).collect())
     }
 
-    fn filled(&mut self, layout: Layout<'_>, size: usize, root: u64) -> Result<Vec<u8>> {
+    fn filled(&mut self, layout: Layout<'_>, size: usize, root: u64) -> Result<FilledBytes> {
         self.made.add(self.module, size as u64)?;
-        let mut bytes = vec![0; size];
+        let mut bytes = FilledBytes::zeroed(size);
         (self.root, self.parts) = (root, MOST_PARTS);
         self.fill(layout, 0, mix(0, root), &mut bytes);
         Ok(bytes)
@@ -277,7 +340,7 @@ impl<'a> Filler<'a> {
                 FillContent::Structure => memory.add_structure(&tlas()?),
                 FillContent::Pointer(pointer) => {
                     self.steps = region.steps;
-                    memory.add_buffer(&Buffer::new(&self.pointees(pointer, region.place)?))
+                    memory.add_buffer(&self.pointees(pointer, region.place)?.buffer())
                 }
             };
             assert_eq!(address, address_of(next), "bug in anyhit: an address of another region");
@@ -288,9 +351,9 @@ impl<'a> Filler<'a> {
     }
 
     /// What a pointer points to, several times one behind the other.
-    fn pointees(&mut self, pointer: TypeId, place: PlaceId) -> Result<Vec<u8>> {
+    fn pointees(&mut self, pointer: TypeId, place: PlaceId) -> Result<FilledBytes> {
         let Type::Pointer { pointee: Some(pointee), stride, .. } = *self.module.ty(pointer) else {
-            return Ok(Vec::new());
+            return Ok(FilledBytes::zeroed(0));
         };
         let layout = Layout::new(self.module, pointee, Rules::Explicit);
         if layout.runtime_stride().is_some() {
@@ -301,7 +364,7 @@ impl<'a> Filler<'a> {
         let count = self.extent.elements(stride);
         let size = (count - 1).saturating_mul(stride).saturating_add(size);
         self.made.add(self.module, size as u64)?;
-        let mut bytes = vec![0; size];
+        let mut bytes = FilledBytes::zeroed(size);
         (self.root, self.parts) = (place, MOST_PARTS);
         for index in 0..count {
             self.fill(layout, index * stride, mix(0, place), &mut bytes);
@@ -309,8 +372,8 @@ impl<'a> Filler<'a> {
         Ok(bytes)
     }
 
-    fn fill(&mut self, layout: Layout<'_>, offset: usize, place: PlaceId, out: &mut [u8]) {
-        if offset >= out.len().min(MOST_FILLED) || self.parts == 0 {
+    fn fill(&mut self, layout: Layout<'_>, offset: usize, place: PlaceId, out: &mut FilledBytes) {
+        if offset >= out.end() || self.parts == 0 {
             return;
         }
         self.parts -= 1;
@@ -318,23 +381,23 @@ impl<'a> Filler<'a> {
         match module.ty(layout.ty) {
             Type::Bool => {
                 let value = self.numbers.integer(self.root, offset as u64 / 4) & 1;
-                put(out, offset, 4, value);
+                out.put(offset, 4, value);
             }
             Type::Int { width, .. } => {
                 let address = if *width == 64 { self.address_if_wanted(place) } else { None };
                 let at = (offset / (*width as usize / 8).max(1)) as u64;
                 let value = address.unwrap_or_else(|| self.numbers.integer(self.root, at));
-                put(out, offset, layout.size(), value);
+                out.put(offset, layout.size(), value);
             }
             ty @ Type::Float { .. } => {
                 let value = self.numbers.float(self.root, offset as u64);
                 let value = ValueSource::float_bits(ty, value);
-                put(out, offset, layout.size(), value);
+                out.put(offset, layout.size(), value);
             }
             Type::Vector { component, count } => {
                 let pair = *count == 2 && matches!(module.ty(*component), Type::Int { width: 32, .. });
                 if pair && let Some(address) = self.address_if_wanted(place) {
-                    return put(out, offset, 8, address);
+                    return out.put(offset, 8, address);
                 }
                 let part = layout.part(*component);
                 for index in 0..*count as usize {
@@ -349,7 +412,7 @@ impl<'a> Filler<'a> {
             }
             Type::RuntimeArray { element, .. } => {
                 let stride = layout.stride().max(1);
-                let length = (out.len() - offset) / stride;
+                let length = (out.size - offset) / stride;
                 self.array(layout.part(*element), length, stride, offset, place, out);
             }
             Type::Struct { .. } => {
@@ -359,7 +422,7 @@ impl<'a> Filler<'a> {
             }
             Type::Pointer { .. } => {
                 let address = self.pointer(layout.ty, place);
-                put(out, offset, 8, address);
+                out.put(offset, 8, address);
             }
             _ => {}
         }
@@ -372,11 +435,11 @@ impl<'a> Filler<'a> {
         stride: usize,
         offset: usize,
         place: PlaceId,
-        out: &mut [u8],
+        out: &mut FilledBytes,
     ) {
         for index in 0..length {
             let at = index.saturating_mul(stride).saturating_add(offset);
-            if at >= out.len().min(MOST_FILLED) || self.parts == 0 {
+            if at >= out.end() || self.parts == 0 {
                 break;
             }
             // All elements lead to the same memory: one place.
@@ -391,12 +454,12 @@ impl<'a> Filler<'a> {
         column: TypeId,
         columns: usize,
         offset: usize,
-        out: &mut [u8],
+        out: &mut FilledBytes,
     ) {
         let Type::Vector { component, count } = *self.module.ty(column) else { return };
         let float = self.module.ty(component);
         let scalar = layout.part(component).size();
-        let end = out.len().min(MOST_FILLED);
+        let end = out.end();
         for at in 0..columns {
             for row in 0..count as usize {
                 if self.parts == 0 {
@@ -417,7 +480,7 @@ impl<'a> Filler<'a> {
                     break;
                 }
                 let value = ValueSource::float_bits(float, f32::from(u8::from(at == row)));
-                put(out, place, scalar, value);
+                out.put(place, scalar, value);
             }
         }
     }
@@ -469,13 +532,6 @@ fn address_of(index: usize) -> u64 {
 /// The index of the region that an address lies in.
 pub(super) fn region_of(address: u64) -> Option<usize> {
     usize::try_from(address >> 32).ok()?.checked_sub(1)
-}
-
-fn put(out: &mut [u8], offset: usize, size: usize, value: u64) {
-    let end = offset.saturating_add(size.min(8));
-    if let Some(to) = out.get_mut(offset..end) {
-        to.copy_from_slice(&value.to_le_bytes()[..size.min(8)]);
-    }
 }
 
 /// A number for a part of a place.

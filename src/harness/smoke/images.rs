@@ -114,7 +114,7 @@ fn shape(image: &ImageType, extent: FillExtent) -> Option<ImageShape> {
     }
     let invocations = extent.invocations;
     // Retries with larger resources: 4 and 16 times the side.
-    let side = SIDE << (extent.scale.ilog2() / 3 * 2);
+    let side = SIDE << (extent.scale.images.ilog2() / 3 * 2);
     let mut sides = [1; 3];
     for axis in 0..axes {
         sides[axis] = side.max(invocations[axis]);
@@ -125,7 +125,7 @@ fn shape(image: &ImageType, extent: FillExtent) -> Option<ImageShape> {
         _ => layers,
     };
     if dimension == Dimension::Buffer {
-        sides[0] = extent.elements(1024) as u32;
+        sides[0] = extent.texels() as u32;
     }
     if matches!(dimension, Dimension::Cube | Dimension::CubeArray) {
         sides = [sides[0].max(sides[1]), sides[0].max(sides[1]), 1];

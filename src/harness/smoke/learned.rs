@@ -1,7 +1,7 @@
 //! What is learned of a shader's memory from where it traps: which addresses lead to what, which
 //! resources are too small, which geometry it needs.
 
-use crate::harness::smoke::fill::{FillContent, PlaceId, WideIntegers, region_of};
+use crate::harness::smoke::fill::{FillContent, PlaceId, ResourceScale, WideIntegers, region_of};
 use crate::harness::smoke::hits::SmokeGeometry;
 use crate::harness::smoke::resources::Given;
 use crate::machine::TrapCode;
@@ -14,10 +14,10 @@ use crate::sorted::{SortedMap, SortedSet};
 
 /// Addresses that one shader may be taught.
 const MOST_ADDRESSES: usize = 256;
-/// How many times as large resources may become where an access goes beyond them, and in which
-/// steps.
+/// How many times as large resources of a kind may become where an access goes beyond one, and in
+/// which steps.
 const MOST_SCALE: u32 = 64;
-pub(super) const SCALE_STEP: u32 = 8;
+const SCALE_STEP: u32 = 8;
 /// Bytes beyond which an offset is not made good by a larger buffer.
 const MOST_OFFSET: u64 = 1 << 24;
 
@@ -26,8 +26,8 @@ const MOST_OFFSET: u64 = 1 << 24;
 pub(super) struct Learned {
     /// What lies behind the addresses of what is made up.
     pub known: SortedMap<PlaceId, FillContent>,
-    /// By how many factors of 8 resources are larger than at first.
-    pub scale_steps: u32,
+    /// By how much resources are larger than at first.
+    pub scale: ResourceScale,
     /// What was changed for which trap, in the run that goes on.
     pub mended: Option<(String, Box<Trapped>)>,
     /// The one kind of geometry that there is, where a shader needs it.
@@ -36,16 +36,37 @@ pub(super) struct Learned {
     pub is_spent: bool,
     /// Instructions, by their word offset, for which no resource is large enough.
     hopeless: SortedSet<u32>,
-    /// The instruction for which resources became larger last.
-    larger_for: Option<u32>,
+    /// The instruction for which resources became larger last, and which did.
+    larger_for: Option<(u32, TooSmall)>,
+}
+
+/// What an access goes beyond.
+#[derive(Clone, Copy)]
+enum TooSmall {
+    Buffer,
+    Descriptors,
+    Image,
+}
+
+impl TooSmall {
+    /// By how much all of its kind are larger than at first.
+    fn scale(self, of: &mut ResourceScale) -> &mut u32 {
+        match self {
+            Self::Buffer => &mut of.buffers,
+            Self::Descriptors => &mut of.descriptors,
+            Self::Image => &mut of.images,
+        }
+    }
 }
 
 impl Learned {
     /// Goes back to resources of the first size where larger ones are larger than is allowed;
     /// whether there are larger ones.
     pub(super) fn give_up_larger(&mut self) -> bool {
-        let Some(offset) = self.larger_for.take().filter(|_| self.scale_steps > 0) else { return false };
-        self.scale_steps = 0;
+        let Some((offset, kind)) = self.larger_for.take() else { return false };
+        if std::mem::replace(kind.scale(&mut self.scale), 1) == 1 {
+            return false;
+        }
         self.mended = None;
         self.hopeless.insert(offset)
     }
@@ -77,23 +98,26 @@ impl Learned {
         {
             return self.known.insert(place, content).is_none();
         }
-        let beyond = match trapped.code {
+        let too_small = match trapped.code {
             TrapCode::BufferOutOfBounds | TrapCode::AddressOutOfBounds => {
-                trapped.fault_value & u64::from(u32::MAX) < MOST_OFFSET
+                (trapped.fault_value & u64::from(u32::MAX) < MOST_OFFSET).then_some(TooSmall::Buffer)
             }
-            TrapCode::ImageOutOfBounds => true,
-            TrapCode::DescriptorMissing | TrapCode::IndexOutOfBounds => shader.has_runtime_descriptors(),
-            _ => false,
+            TrapCode::ImageOutOfBounds => Some(TooSmall::Image),
+            TrapCode::DescriptorMissing | TrapCode::IndexOutOfBounds => {
+                shader.has_runtime_descriptors().then_some(TooSmall::Descriptors)
+            }
+            _ => None,
         };
-        if beyond && !self.hopeless.contains(&trapped.offset) {
-            if SCALE_STEP.pow(self.scale_steps + 1) <= MOST_SCALE {
-                self.scale_steps += 1;
-                self.larger_for = Some(trapped.offset);
+        if let Some(kind) = too_small.filter(|_| !self.hopeless.contains(&trapped.offset)) {
+            let scale = kind.scale(&mut self.scale);
+            if *scale < MOST_SCALE {
+                *scale *= SCALE_STEP;
+                self.larger_for = Some((trapped.offset, kind));
                 let mended = || ("larger resources".to_owned(), Box::new(trapped.clone()));
                 self.mended.get_or_insert_with(mended);
                 return true;
             }
-            self.scale_steps = 0;
+            *scale = 1;
             self.hopeless.insert(trapped.offset);
         }
         let kind = match trapped.code {

@@ -67,15 +67,16 @@ pub(super) fn given(
         let (Some(ty), root) = (variable.ty, root(variable)) else { continue };
         match variable.storage_class {
             storage::PUSH_CONSTANT => {
-                resources.push_constants =
-                    Some(Buffer::new(&filler.block(ty, root).map_err(named(variable))?));
+                resources.push_constants = Some(filler.block(ty, root).map_err(named(variable))?.buffer());
             }
-            storage::SHADER_RECORD_BUFFER => record = filler.block(ty, root).map_err(named(variable))?,
+            storage::SHADER_RECORD_BUFFER => {
+                record = filler.block(ty, root).map_err(named(variable))?.whole();
+            }
             _ => {}
         }
         let Some((set, binding)) = variable.descriptor_set.zip(variable.binding) else { continue };
         let place = Binding { set, binding };
-        let (element, count) = descriptor_array(module, ty, extent.scale);
+        let (element, count) = descriptor_array(module, ty, extent.scale.descriptors);
         let list = u64::from(count) * size_of::<Descriptor>() as u64;
         filler.made.add(module, list).map_err(named(variable))?;
         let mut distinct = Vec::new();
@@ -83,8 +84,7 @@ pub(super) fn given(
             let root = root.wrapping_add(u64::from(at) << 32);
             let descriptor = match module.ty(element) {
                 Type::Struct { .. } => {
-                    let bytes = filler.block(element, root).map_err(named(variable))?;
-                    Descriptor::Buffer(Buffer::new(&bytes))
+                    Descriptor::Buffer(filler.block(element, root).map_err(named(variable))?.buffer())
                 }
                 Type::AccelerationStructure => {
                     let tlas = structure.get_or_insert(tlas()?).clone();

@@ -12,7 +12,7 @@ use crate::harness::smoke::grid::{groups, launch_size};
 use crate::harness::smoke::hits::{self, SmokeGeometry};
 use crate::harness::smoke::images::MadeUpImages;
 use crate::harness::smoke::judge::Try;
-use crate::harness::smoke::learned::{Learned, SCALE_STEP, UsedMemory};
+use crate::harness::smoke::learned::{Learned, UsedMemory};
 use crate::harness::smoke::one_run::{Once, Way};
 use crate::harness::smoke::resources::{self, Given};
 use crate::harness::smoke::sets::Set;
@@ -190,10 +190,7 @@ impl EntryUnderTest<'_> {
         let mut wide = WideIntegers::Numbers;
         learned.geometry = None;
         loop {
-            let extent = FillExtent {
-                invocations: self.invocations(way, program)?,
-                scale: SCALE_STEP.pow(learned.scale_steps),
-            };
+            let extent = FillExtent { invocations: self.invocations(way, program)?, scale: learned.scale };
             let values = MadeUpValues { numbers: set.numbers, wide, extent };
             let given = match self.given(program, values, learned) {
                 Err(error) if error.kind() == ErrorKind::UnsupportedModule && learned.give_up_larger() => {
