@@ -261,7 +261,7 @@ impl Pipeline {
     /// `Trap` where a shader misbehaves; `InvalidArgument` for a payload or a buffer whose size
     /// fits no shader, with both layouts, and for a ray that breaks a rule, with its VUID.
     pub fn trace(&self, scene: &Scene, ray: impl Into<RayOperands>) -> Result<Traced> {
-        self.trace_observed(scene, ray, None)
+        self.trace_observed(scene, ray.into(), None)
     }
 
     /// Traces one ray as [`Pipeline::trace`] does, and returns the events that explain it.
@@ -275,17 +275,16 @@ impl Pipeline {
         ray: impl Into<RayOperands>,
     ) -> Result<(Traced, Vec<Event>)> {
         let mut events = Vec::new();
-        let traced = self.trace_observed(scene, ray, Some(&mut events))?;
+        let traced = self.trace_observed(scene, ray.into(), Some(&mut events))?;
         Ok((traced, events))
     }
 
     fn trace_observed(
         &self,
         scene: &Scene,
-        ray: impl Into<RayOperands>,
+        mut operands: RayOperands,
         pipeline_observer: Option<&mut dyn PipelineObserver>,
     ) -> Result<Traced> {
-        let mut operands = ray.into();
         let payload = self.programs.iter().filter_map(|program| {
             Some((program, program.interface_registers(storage::INCOMING_RAY_PAYLOAD)?))
         });

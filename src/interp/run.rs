@@ -47,7 +47,7 @@ where
                 && let Some((registers, mask)) = LaneKernel::as_64(&mut batch.registers, batch.mask)
             {
                 let rest = batch.op.0..superblock.end.0;
-                batch.op = OpIndex(superop::run::<64>(supercode, registers, ops, rest, mask));
+                batch.op = OpIndex(superop::run(supercode, registers, ops, rest, mask));
                 if batch.op == superblock.end {
                     break;
                 }

@@ -39,7 +39,7 @@ pub use invocation::{Invocation, Invocations, ShaderRecord, TlasHit};
 pub use lanes::{
     Freshness, Lanes, Mask, NO_CAUSE, REGISTER_POINTER, Reg, Registers, Scalar, ShadowRegisters,
 };
-pub use observe::Observer;
+pub use observe::{LaunchObserver, Observer};
 pub use open_choices::{
     ChoiceKind, ChoiceLog, ChoiceSite, DrawnDetails, DrawnTraversal, OpenChoices, OrderLimits, OrderPart,
 };

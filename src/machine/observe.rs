@@ -64,6 +64,11 @@ pub trait Observer<const W: usize> {
     }
 }
 
+/// What observes a whole launch or dispatch, whose batches have one lane or 64.
+pub trait LaunchObserver: Observer<1> + Observer<64> {}
+
+impl<O: Observer<1> + Observer<64>> LaunchObserver for O {}
+
 impl<const W: usize> Observer<W> for () {
     fn is_active() -> bool {
         false

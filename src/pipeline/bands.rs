@@ -229,6 +229,16 @@ impl BandedLaunch<'_> {
     where
         LaneKernel: Width<W>,
     {
+        self.run_lanes(W, on_progress, &mut sink)
+    }
+
+    /// As [`BandedLaunch::run`], so many lanes at a time.
+    fn run_lanes(
+        &self,
+        lanes: usize,
+        on_progress: &(dyn Fn(u64) + Sync),
+        sink: &mut BandSink<'_>,
+    ) -> Result<Stats> {
         let [width, height] = self.size;
         let dog = self.launch.watchdog(self.launch.invocation_count([width, height, 1])?);
         let mut tasks = 0;
@@ -251,7 +261,8 @@ impl BandedLaunch<'_> {
                 let launch = Launch { pipeline: self.launch.pipeline, resources: &resources };
                 let positions =
                     array::map([launched.start, launched.end], |row| u64::from(row) * u64::from(width));
-                launch.run_positions::<W>(
+                launch.run_positions(
+                    lanes,
                     [width, height, 1],
                     positions[0]..positions[1],
                     &dog,
@@ -261,7 +272,7 @@ impl BandedLaunch<'_> {
             };
             let (emitted, outcome) = match rendered.take() {
                 None => (Ok(()), run()),
-                Some(before) => rayon::join(|| emit_band(&mut sink, &before), run),
+                Some(before) => rayon::join(|| sink(Band { image: &before }), run),
             };
             emitted?;
             match outcome {
@@ -276,7 +287,7 @@ impl BandedLaunch<'_> {
         if let Some(error) = trapped {
             return Err(error);
         }
-        rendered.map_or(Ok(()), |last| emit_band(&mut sink, &last))?;
+        rendered.map_or(Ok(()), |last| sink(Band { image: &last }))?;
         Ok(stats)
     }
 
@@ -289,6 +300,5 @@ impl BandedLaunch<'_> {
     }
 }
 
-fn emit_band(sink: &mut impl FnMut(Band<'_>) -> Result<()>, image: &Image) -> Result<()> {
-    sink(Band { image })
-}
+/// What is done with each band.
+type BandSink<'a> = dyn FnMut(Band<'_>) -> Result<()> + Send + 'a;

@@ -3,13 +3,14 @@
 mod invocation;
 mod stepping;
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use crate::error::{Error, ErrorKind, Result};
 use crate::input::InputLimit;
 use crate::machine::{
-    Bindings, ChoiceKind, LaunchLimits, Observer, OpenChoices, OrderPart, Resources, TaskWatch, Watchdog,
-    Workgroup,
+    Bindings, ChoiceKind, LaunchLimits, LaunchObserver, Observer, OpenChoices, OrderPart, Resources,
+    TaskWatch, Watchdog, Workgroup,
 };
 use crate::math::array;
 use crate::math::permutation::Permutation;
@@ -70,6 +71,29 @@ struct DrawnOrder {
     places: Option<Permutation>,
     /// Whether invocations run one after the other up to the next barrier.
     one_by_one: bool,
+}
+
+/// What the threads of a dispatch share.
+struct DispatchTasks<'a> {
+    bindings: &'a Bindings,
+    tasks: &'a TaskQueue,
+    watchdog: &'a Arc<Watchdog>,
+    /// Workgroups along each axis, and all of them.
+    groups: [u32; 3],
+    count: u64,
+    groups_per_task: u64,
+    group_order: GroupOrder,
+    order: DrawnOrder,
+    /// Whether workgroups may run in any order.
+    is_free: bool,
+    on_progress: &'a (dyn Fn(u64) + Sync),
+}
+
+impl DispatchTasks<'_> {
+    /// The positions of a task's workgroups.
+    fn range(&self, task: u64) -> Range<u64> {
+        task * self.groups_per_task..self.count.min((task + 1) * self.groups_per_task)
+    }
 }
 
 impl DrawnOrder {
@@ -190,7 +214,7 @@ impl Compute {
         resources: &Resources,
         groups: [u32; 3],
         on_event: &mut dyn FnMut(Event),
-        observer: &mut (impl Observer<1> + Observer<64>),
+        observer: &mut dyn LaunchObserver,
     ) -> Result<Stats> {
         self.run_to_trap_observed(resources, groups, on_event, observer)?.map_err(|trapped| trapped.error)
     }
@@ -205,7 +229,7 @@ impl Compute {
         resources: &Resources,
         groups: [u32; 3],
         on_event: &mut dyn FnMut(Event),
-        observer: &mut (impl Observer<1> + Observer<64>),
+        observer: &mut dyn LaunchObserver,
     ) -> Result<Ended> {
         self.check_size(groups)?;
         let uses_subgroups = self.program.uses_subgroups;
@@ -275,13 +299,22 @@ impl Compute {
     where
         LaneKernel: Width<W>,
     {
+        self.run_lanes(W, resources, groups, on_progress)
+    }
+
+    /// As [`Compute::run_to_trap`], so many lanes at a time where that is free.
+    fn run_lanes(
+        &self,
+        lanes: usize,
+        resources: &Resources,
+        groups: [u32; 3],
+        on_progress: &(dyn Fn(u64) + Sync),
+    ) -> Result<Ended> {
         self.check_size(groups)?;
         let count = groups.iter().map(|&side| u64::from(side)).product::<u64>();
         let bindings = resources.bindings(self.program.bindings());
-        let group_size = self.group_size();
         let groups_per_task = self.groups_per_task();
         let tasks = TaskQueue::new(count.div_ceil(groups_per_task));
-        let range = |task: u64| task * groups_per_task..count.min((task + 1) * groups_per_task);
         let shares = self.shared_memory(groups, resources).is_some();
         let order = resources.choices.as_deref().map(|choices| self.draw_order(choices, count, shares));
         let order = order.unwrap_or_default();
@@ -296,66 +329,80 @@ impl Compute {
             true => GroupOrder::by_tiles(groups, self.layout.size),
             false => GroupOrder::by_index(groups),
         };
-        let dog = Watchdog::new(self.launch_limits, count.saturating_mul(group_size));
-        let task = |task: u64, watch: &Arc<TaskWatch>, kept: &mut Option<_>| {
-            let range = range(task);
-            let invocations = (range.end - range.start) * group_size;
-            watch.begin_task(invocations);
-            let groups = &mut range.map(|at| self.group(group_order.index(order.group(at)), groups));
-            let subgroup_size = self.program.uses_subgroups.then_some(self.subgroup_size);
-            let places = order.places.clone();
-            let observers = &mut Observers::none();
-            let result = match subgroup_size {
-                // A batch must hold whole subgroups: their size divides the batch's width.
-                Some(..=64) => self.runner::<64>(&bindings, watch).placed(places).run(groups, observers),
-                Some(_) => self.runner::<128>(&bindings, watch).placed(places).run(groups, observers),
-                // One invocation after the other, so that results do not depend on the width.
-                None if self.program.order_dependent || order.one_by_one => {
-                    self.runner::<1>(&bindings, watch).placed(places).run(groups, observers)
-                }
-                None if shares || self.mixes_atomics => {
-                    self.runner::<64>(&bindings, watch).placed(places).run(groups, observers)
-                }
-                None => {
-                    let make = || self.runner::<W>(&bindings, watch).placed(places);
-                    kept.get_or_insert_with(make).run(groups, observers)
-                }
-            };
-            on_progress(invocations);
-            result
+        // A batch must hold whole subgroups: their size divides the batch's width.
+        let lanes = match self.program.uses_subgroups.then_some(self.subgroup_size) {
+            Some(..=64) => 64,
+            Some(_) => 128,
+            // One invocation after the other, so that results do not depend on the width.
+            None if self.program.order_dependent || order.one_by_one => 1,
+            None if shares || self.mixes_atomics => 64,
+            None => lanes,
         };
-        let worker = || {
-            let mut all = TaskResults::default();
-            let (watch, mut kept) = (dog.watch(), None);
-            // The number of a trap: of its workgroup, or of the first one of its task.
-            let first = |index: u64| group_order.min_index(range(index).start);
-            for index in tasks.iter().take_while(|&index| !tasks.is_after_trap(first(index))) {
-                let (stats, trapped) = task(index, &watch, &mut kept);
-                let number = |trapped: &Trapped| match is_free {
-                    true => self.group_of(groups, trapped.launch_id),
-                    false => first(index),
-                };
-                if let Some(trapped) = &trapped {
-                    tasks.record_trap(number(trapped));
-                    if trapped.code.is_limit() {
-                        let last = range(index).map(|at| group_order.index(at)).max().unwrap_or(0);
-                        dog.stop_at(((last + 1) * group_size).saturating_sub(1));
-                    }
-                }
-                let trapped = trapped.map(|trapped| (number(&trapped), trapped));
-                all = all.merge(TaskResults { stats, trapped });
-                if let Some(over) = dog.end_task(index, watch.spent()) {
-                    tasks.record_trap(first(over));
-                    let last = range(over).end - 1;
-                    dog.stop_at((last + 1) * group_size - 1);
-                    let trapped = spent_together(self.last_id(last, groups), &dog);
-                    let trapped = Some((first(over), trapped));
-                    all = all.merge(TaskResults { stats: Stats::default(), trapped });
-                }
-            }
-            all
+        let watchdog = &Watchdog::new(self.launch_limits, count.saturating_mul(self.group_size()));
+        let (bindings, tasks) = (&bindings, &tasks);
+        let work = DispatchTasks {
+            bindings,
+            tasks,
+            watchdog,
+            groups,
+            count,
+            groups_per_task,
+            group_order,
+            order,
+            is_free,
+            on_progress,
+        };
+        let worker = || match lanes {
+            1 => self.run_tasks::<1>(&work),
+            64 => self.run_tasks::<64>(&work),
+            _ => self.run_tasks::<128>(&work),
         };
         Ok(tasks.run(self.program.order_dependent || shares, &worker))
+    }
+
+    /// The loop of a worker thread: runs tasks until the queue is empty.
+    fn run_tasks<const W: usize>(&self, work: &DispatchTasks<'_>) -> TaskResults
+    where
+        LaneKernel: Width<W>,
+    {
+        let (dog, tasks, order) = (work.watchdog, work.tasks, &work.group_order);
+        let group_size = self.group_size();
+        let mut all = TaskResults::default();
+        let watch = dog.watch();
+        let make = || self.runner::<W>(work.bindings, &watch).placed(work.order.places.clone());
+        let mut runner = None;
+        // The number of a trap: of its workgroup, or of the first one of its task.
+        let first = |index: u64| order.min_index(work.range(index).start);
+        for index in tasks.iter().take_while(|&index| !tasks.is_after_trap(first(index))) {
+            let range = work.range(index);
+            let invocations = (range.end - range.start) * group_size;
+            watch.begin_task(invocations);
+            let groups = &mut range.map(|at| self.group(order.index(work.order.group(at)), work.groups));
+            let (stats, trapped) = runner.get_or_insert_with(make).run(groups, &mut Observers::none());
+            (work.on_progress)(invocations);
+            let number = |trapped: &Trapped| match work.is_free {
+                true => self.group_of(work.groups, trapped.launch_id),
+                false => first(index),
+            };
+            if let Some(trapped) = &trapped {
+                tasks.record_trap(number(trapped));
+                if trapped.code.is_limit() {
+                    let last = work.range(index).map(|at| order.index(at)).max().unwrap_or(0);
+                    dog.stop_at(((last + 1) * group_size).saturating_sub(1));
+                }
+            }
+            let trapped = trapped.map(|trapped| (number(&trapped), trapped));
+            all = all.merge(TaskResults { stats, trapped });
+            if let Some(over) = dog.end_task(index, watch.spent()) {
+                tasks.record_trap(first(over));
+                let last = work.range(over).end - 1;
+                dog.stop_at((last + 1) * group_size - 1);
+                let trapped = spent_together(self.last_id(last, work.groups), dog);
+                let trapped = Some((first(over), trapped));
+                all = all.merge(TaskResults { stats: Stats::default(), trapped });
+            }
+        }
+        all
     }
 
     /// Draws the order of workgroups and of the invocations in each, as far as it may make a

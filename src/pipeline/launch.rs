@@ -5,7 +5,9 @@ use std::sync::Arc;
 
 use crate::accel::Tlas;
 use crate::error::{Error, ErrorKind, Result};
-use crate::machine::{Bindings, Observer, OpenChoices, Reg, Registers, Resources, TaskWatch, Watchdog};
+use crate::machine::{
+    Bindings, LaunchObserver, Observer, OpenChoices, Reg, Registers, Resources, TaskWatch, Watchdog,
+};
 use crate::math::array;
 use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::ops::ray_rules;
@@ -52,23 +54,25 @@ impl Launch<'_> {
         LaneKernel: Width<W>,
     {
         let count = self.invocation_count(size)?;
-        self.run_positions::<W>(size, 0..count, &self.watchdog(count), &mut 0, on_progress)
+        self.run_positions(W, size, 0..count, &self.watchdog(count), &mut 0, on_progress)
     }
 
-    /// Runs the invocations at a range of positions in a launch's order. The range starts at a
-    /// multiple of the widest batch. The watchdog is that of the whole launch; its tasks are
-    /// numbered on from one range to the next: `first_task` is the number of this range's first.
-    pub(super) fn run_positions<const W: usize>(
+    /// Runs the invocations at a range of positions in a launch's order, so many lanes at a time
+    /// where that is free. The range starts at a multiple of the widest batch. The watchdog is that
+    /// of the whole launch; its tasks are numbered on from one range to the next: `first_task` is the
+    /// number of this range's first.
+    ///
+    /// The number of lanes is no parameter of its type: a generic function is compiled once more,
+    /// with all that it calls, in each crate that calls it.
+    pub(super) fn run_positions(
         &self,
+        lanes: usize,
         size: [u32; 3],
         positions: Range<u64>,
         watchdog: &Arc<Watchdog>,
         first_task: &mut u64,
         on_progress: &(dyn Fn(u64) + Sync),
-    ) -> Result<Stats>
-    where
-        LaneKernel: Width<W>,
-    {
+    ) -> Result<Stats> {
         let record = self.ray_generation()?;
         let bindings = bindings(self.pipeline, self.resources);
         let subgroups = self.pipeline.whole_subgroups();
@@ -103,12 +107,17 @@ impl Launch<'_> {
             first_task: *first_task,
         };
         *first_task += task_count;
-        let worker = || match subgroups {
-            Some(..=64) => self.run_tasks::<64>(&work),
-            Some(_) => self.run_tasks::<128>(&work),
-            None if one_by_one => self.run_tasks::<1>(&work),
-            None if single_threaded => self.run_tasks::<64>(&work),
-            None => self.run_tasks::<W>(&work),
+        let lanes = match subgroups {
+            Some(..=64) => 64,
+            Some(_) => 128,
+            None if one_by_one => 1,
+            None if single_threaded => 64,
+            None => lanes,
+        };
+        let worker = || match lanes {
+            1 => self.run_tasks::<1>(&work),
+            64 => self.run_tasks::<64>(&work),
+            _ => self.run_tasks::<128>(&work),
         };
         tasks.run(single_threaded || is_small, &worker).map_err(|trapped| trapped.error)
     }
@@ -207,7 +216,7 @@ impl Launch<'_> {
         &self,
         size: [u32; 3],
         pipeline_observer: &mut dyn PipelineObserver,
-        observer: &mut (impl Observer<1> + Observer<64>),
+        observer: &mut dyn LaunchObserver,
     ) -> Result<Stats> {
         let record = self.ray_generation()?;
         let count = self.invocation_count(size)?;

@@ -6,8 +6,11 @@ use crate::math::lane_ops::LaneOps;
 use crate::ops::superop::function::has_operand;
 use crate::ops::superop::{DIRECT_REGISTERS, Operands, SuperOp};
 
+/// Lanes of a batch that runs superinstructions.
+pub(super) const LANES: usize = 64;
+
 /// The direct registers.
-pub(super) type DirectRegisters<const W: usize> = [Lanes<W>; DIRECT_REGISTERS];
+pub(super) type DirectRegisters = [Lanes<LANES>; DIRECT_REGISTERS];
 
 /// Applies a function to registers and puts the result into the accumulator. Operand `ACC_OPERAND`,
 /// counted from one, is the accumulator's old value (0 for none); if `STORED`, the result is stored
@@ -22,7 +25,6 @@ pub(super) type DirectRegisters<const W: usize> = [Lanes<W>; DIRECT_REGISTERS];
 #[allow(clippy::extra_unused_type_parameters, reason = "an instance for each caller")]
 #[inline]
 pub(super) fn apply<
-    const W: usize,
     V: LaneOps,
     F: WordFunction,
     const ACC_OPERAND: usize,
@@ -30,8 +32,8 @@ pub(super) fn apply<
     const UNIFORM: u8,
     const SHIFT_AMOUNTS: u8,
 >(
-    accumulator: &mut [u32; W],
-    registers: &mut DirectRegisters<W>,
+    accumulator: &mut [u32; LANES],
+    registers: &mut DirectRegisters,
     superop: &SuperOp,
 ) {
     // The loops over operands are unrolled. Closures, or each operand by itself, would be a
@@ -48,8 +50,8 @@ pub(super) fn apply<
             rows[at] = &registers[usize::from(superop.from[at])];
         }
     }
-    let mut result = [0; W];
-    for lane in 0..W {
+    let mut result = [0; LANES];
+    for lane in 0..LANES {
         let mut words = uniform;
         for at in 0..F::OPERANDS {
             if !has_operand(UNIFORM, at) {
@@ -67,16 +69,16 @@ pub(super) fn apply<
 /// Does what [`apply`] does for the conversion of floats to integers: the compiler does not emit
 /// the processor's conversion of eight lanes for a loop.
 #[inline(always)]
-pub(super) fn to_integers<const W: usize, V: LaneOps, const ACC_OPERAND: usize, const STORED: bool>(
+pub(super) fn to_integers<V: LaneOps, const ACC_OPERAND: usize, const STORED: bool>(
     vectors: V,
-    accumulator: &mut [u32; W],
-    registers: &mut DirectRegisters<W>,
+    accumulator: &mut [u32; LANES],
+    registers: &mut DirectRegisters,
     superop: &SuperOp,
 ) {
-    const { assert!(W.is_multiple_of(8)) }
+    const { assert!(LANES.is_multiple_of(8)) }
     let held = *accumulator;
     let floats = if ACC_OPERAND == 0 { &registers[usize::from(superop.from[0])].0 } else { &held };
-    let mut result = [0; W];
+    let mut result = [0; LANES];
     let floats = floats.as_chunks::<8>().0;
     for (at, to) in result.as_chunks_mut::<8>().0.iter_mut().enumerate() {
         *to = vectors.truncate_words(&floats[at]);
@@ -91,11 +93,11 @@ pub(super) fn to_integers<const W: usize, V: LaneOps, const ACC_OPERAND: usize, 
 /// in `running` is all ones.
 #[allow(clippy::needless_range_loop, reason = "the shape that is vectorised")]
 #[inline(always)]
-pub(super) fn store<const W: usize, const ACC_OPERAND: usize>(
-    accumulator: &mut [u32; W],
-    registers: &mut DirectRegisters<W>,
+pub(super) fn store<const ACC_OPERAND: usize>(
+    accumulator: &mut [u32; LANES],
+    registers: &mut DirectRegisters,
     superop: &SuperOp,
-    running: Option<&Lanes<W>>,
+    running: Option<&Lanes<LANES>>,
 ) {
     if ACC_OPERAND == 0 {
         *accumulator = registers[usize::from(superop.from[0])].0;
@@ -104,7 +106,7 @@ pub(super) fn store<const W: usize, const ACC_OPERAND: usize>(
     match running {
         None => to.0 = *accumulator,
         Some(running) => {
-            for lane in 0..W {
+            for lane in 0..LANES {
                 let mask = running.0[lane];
                 to.0[lane] = accumulator[lane] & mask | to.0[lane] & !mask;
             }

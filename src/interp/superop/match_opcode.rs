@@ -41,30 +41,30 @@ macro_rules! match_opcode {
         match $superop.opcode {
             $($arms)*
             $(
-            opcodes::$first::NO_ACC => apply::<W, V, functions::$first, 0, false, 0, 0>($acc, $registers, $superop),
-            opcodes::$first::NO_ACC_STORED => apply::<W, V, functions::$first, 0, true, 0, 0>($acc, $registers, $superop),
-            opcodes::$first::ACC_FIRST => apply::<W, V, functions::$first, 1, false, 0, 0>($acc, $registers, $superop),
-            opcodes::$first::ACC_FIRST_STORED => apply::<W, V, functions::$first, 1, true, 0, 0>($acc, $registers, $superop),
+            opcodes::$first::NO_ACC => apply::<V, functions::$first, 0, false, 0, 0>($acc, $registers, $superop),
+            opcodes::$first::NO_ACC_STORED => apply::<V, functions::$first, 0, true, 0, 0>($acc, $registers, $superop),
+            opcodes::$first::ACC_FIRST => apply::<V, functions::$first, 1, false, 0, 0>($acc, $registers, $superop),
+            opcodes::$first::ACC_FIRST_STORED => apply::<V, functions::$first, 1, true, 0, 0>($acc, $registers, $superop),
             $(
-            opcodes::$second::ACC_SECOND => apply::<W, V, functions::$second, 2, false, 0, 0>($acc, $registers, $superop),
-            opcodes::$second::ACC_SECOND_STORED => apply::<W, V, functions::$second, 2, true, 0, 0>($acc, $registers, $superop),
+            opcodes::$second::ACC_SECOND => apply::<V, functions::$second, 2, false, 0, 0>($acc, $registers, $superop),
+            opcodes::$second::ACC_SECOND_STORED => apply::<V, functions::$second, 2, true, 0, 0>($acc, $registers, $superop),
             )?
             $(
-            opcodes::$third::ACC_THIRD => apply::<W, V, functions::$third, 3, false, 0, 0>($acc, $registers, $superop),
-            opcodes::$third::ACC_THIRD_STORED => apply::<W, V, functions::$third, 3, true, 0, 0>($acc, $registers, $superop),
+            opcodes::$third::ACC_THIRD => apply::<V, functions::$third, 3, false, 0, 0>($acc, $registers, $superop),
+            opcodes::$third::ACC_THIRD_STORED => apply::<V, functions::$third, 3, true, 0, 0>($acc, $registers, $superop),
             )?
             $(
             opcodes::$uniform::UNIFORM_NO_ACC => apply::<
-                W, V, functions::$uniform, 0, false, { Function::$uniform.uniform() }, { Function::$uniform.shift_amounts() },
+                V, functions::$uniform, 0, false, { Function::$uniform.uniform() }, { Function::$uniform.shift_amounts() },
             >($acc, $registers, $superop),
             opcodes::$uniform::UNIFORM_NO_ACC_STORED => apply::<
-                W, V, functions::$uniform, 0, true, { Function::$uniform.uniform() }, { Function::$uniform.shift_amounts() },
+                V, functions::$uniform, 0, true, { Function::$uniform.uniform() }, { Function::$uniform.shift_amounts() },
             >($acc, $registers, $superop),
             opcodes::$uniform::UNIFORM_ACC_FIRST => apply::<
-                W, V, functions::$uniform, 1, false, { Function::$uniform.uniform() }, { Function::$uniform.shift_amounts() },
+                V, functions::$uniform, 1, false, { Function::$uniform.uniform() }, { Function::$uniform.shift_amounts() },
             >($acc, $registers, $superop),
             opcodes::$uniform::UNIFORM_ACC_FIRST_STORED => apply::<
-                W, V, functions::$uniform, 1, true, { Function::$uniform.uniform() }, { Function::$uniform.shift_amounts() },
+                V, functions::$uniform, 1, true, { Function::$uniform.uniform() }, { Function::$uniform.shift_amounts() },
             >($acc, $registers, $superop),
             )?
             )*

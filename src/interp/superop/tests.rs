@@ -1,6 +1,7 @@
 use super::*;
 use crate::machine::Reg;
 use crate::math::lane_ops::CpuTier;
+use crate::ops::lane_kernel::LaneKernel;
 use crate::ops::superop::ResultUse;
 use crate::ops::superop::function::{PairShape, has_operand, opcode};
 use crate::ops::superop::tests::{ROUNDS, SPECIAL, operands, registers};
@@ -34,7 +35,7 @@ fn run(
     let wide = CpuTier::available().into_iter().filter(|(_, cpu_tier)| cpu_tier.is_wide());
     let mut results = wide.map(|(level, cpu_tier)| {
         let mut ran = registers.clone().with_cpu_tier(cpu_tier);
-        let end = super::run::<64>(code, &mut ran, ops, range.clone(), mask);
+        let end = super::run(code, &mut ran, ops, range.clone(), mask);
         (level, ran, end)
     });
     let (narrowest, mut first, end) = results.next().expect("a processor that runs superinstructions");
