@@ -70,8 +70,8 @@ fn two_sum(a: f64, b: f64) -> (f64, f64) {
 
 #[cfg(test)]
 mod tests {
-    use dashu::base::{Approximation, BitTest};
-    use dashu::rational::RBig;
+    use dashu_base::{Approximation, BitTest};
+    use dashu_ratio::RBig;
     use proptest::prelude::*;
 
     use super::*;

@@ -385,7 +385,7 @@ pub(super) fn round_up(x: f64) -> f32 {
 
 #[cfg(test)]
 mod tests {
-    use dashu::rational::RBig;
+    use dashu_ratio::RBig;
     use proptest::prelude::*;
 
     use super::*;

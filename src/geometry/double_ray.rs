@@ -111,7 +111,7 @@ fn inverse_terms<D: F64x4Ops>(simd: D, columns: [D::F64x4; 3], v: D::F64x4) -> [
 
 #[cfg(test)]
 mod tests {
-    use dashu::rational::RBig;
+    use dashu_ratio::RBig;
     use proptest::prelude::*;
 
     use super::*;

@@ -69,8 +69,8 @@ mod tests {
 
     #[test]
     fn the_mended_results_are_the_nearest_numbers() {
-        use dashu::float::FBig;
-        use dashu::float::round::mode::HalfEven;
+        use dashu_float::FBig;
+        use dashu_float::round::mode::HalfEven;
         type Big = FBig<HalfEven, 2>;
 
         let big = |value: f64| Big::try_from(value).unwrap().with_precision(200).value();
