@@ -83,7 +83,7 @@ struct DispatchTasks<'a> {
     count: u64,
     groups_per_task: u64,
     group_order: GroupOrder,
-    order: DrawnOrder,
+    drawn: DrawnOrder,
     /// Whether workgroups may run in any order.
     is_free: bool,
     on_progress: &'a (dyn Fn(u64) + Sync),
@@ -348,7 +348,7 @@ impl Compute {
             count,
             groups_per_task,
             group_order,
-            order,
+            drawn: order,
             is_free,
             on_progress,
         };
@@ -365,19 +365,20 @@ impl Compute {
     where
         LaneKernel: Width<W>,
     {
-        let (dog, tasks, order) = (work.watchdog, work.tasks, &work.group_order);
+        let (dog, tasks, group_order) = (work.watchdog, work.tasks, &work.group_order);
         let group_size = self.group_size();
         let mut all = TaskResults::default();
         let watch = dog.watch();
-        let make = || self.runner::<W>(work.bindings, &watch).placed(work.order.places.clone());
+        let make = || self.runner::<W>(work.bindings, &watch).placed(work.drawn.places.clone());
         let mut runner = None;
         // The number of a trap: of its workgroup, or of the first one of its task.
-        let first = |index: u64| order.min_index(work.range(index).start);
+        let first = |index: u64| group_order.min_index(work.range(index).start);
         for index in tasks.iter().take_while(|&index| !tasks.is_after_trap(first(index))) {
             let range = work.range(index);
             let invocations = (range.end - range.start) * group_size;
             watch.begin_task(invocations);
-            let groups = &mut range.map(|at| self.group(order.index(work.order.group(at)), work.groups));
+            let group_at = |at| self.group(group_order.index(work.drawn.group(at)), work.groups);
+            let groups = &mut range.map(group_at);
             let (stats, trapped) = runner.get_or_insert_with(make).run(groups, &mut Observers::none());
             (work.on_progress)(invocations);
             let number = |trapped: &Trapped| match work.is_free {
@@ -387,7 +388,7 @@ impl Compute {
             if let Some(trapped) = &trapped {
                 tasks.record_trap(number(trapped));
                 if trapped.code.is_limit() {
-                    let last = work.range(index).map(|at| order.index(at)).max().unwrap_or(0);
+                    let last = work.range(index).map(|at| group_order.index(at)).max().unwrap_or(0);
                     dog.stop_at(((last + 1) * group_size).saturating_sub(1));
                 }
             }
