@@ -59,8 +59,8 @@ impl Launch<'_> {
 
     /// Runs the invocations at a range of positions in a launch's order, so many lanes at a time
     /// where that is free. The range starts at a multiple of the widest batch. The watchdog is that
-    /// of the whole launch; its tasks are numbered on from one range to the next: `first_task` is the
-    /// number of this range's first.
+    /// of the whole launch; its tasks are numbered on from one range to the next: `first_task` is
+    /// the number of this range's first.
     ///
     /// The number of lanes is no parameter of its type: a generic function is compiled once more,
     /// with all that it calls, in each crate that calls it.
