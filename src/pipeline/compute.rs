@@ -329,15 +329,11 @@ impl Compute {
             true => GroupOrder::by_tiles(groups, self.layout.size),
             false => GroupOrder::by_index(groups),
         };
-        // A batch must hold whole subgroups: their size divides the batch's width.
-        let lanes = match self.program.uses_subgroups.then_some(self.subgroup_size) {
-            Some(..=64) => 64,
-            Some(_) => 128,
-            // One invocation after the other, so that results do not depend on the width.
-            None if self.program.order_dependent || order.one_by_one => 1,
-            None if shares || self.mixes_atomics => 64,
-            None => lanes,
+        let matters = OrderMatters {
+            subgroup_size: self.program.uses_subgroups.then_some(self.subgroup_size),
+            is_shared: shares || self.mixes_atomics,
         };
+        let lanes = matters.lanes(self.program.order_dependent || order.one_by_one, lanes);
         let watchdog = &Watchdog::new(self.launch_limits, count.saturating_mul(self.group_size()));
         let (bindings, tasks) = (&bindings, &tasks);
         let work = DispatchTasks {

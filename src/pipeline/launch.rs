@@ -77,14 +77,12 @@ impl Launch<'_> {
         let bindings = bindings(self.pipeline, self.resources);
         let subgroups = self.pipeline.whole_subgroups();
         let ordered = self.pipeline.order_dependent();
-        // Invocations that depend on each other run in a schedule that does not depend on the width
-        // of a batch: one after the other, or 64 at a time.
         let single_threaded = ordered || self.pipeline.shared_memory(size, self.resources).is_some();
         let by_index = single_threaded || subgroups.is_some();
+        let matters = OrderMatters { subgroup_size: subgroups, is_shared: single_threaded };
         let choices = self.resources.choices.as_deref().filter(|_| by_index);
         let order = match choices {
             Some(choices) => {
-                let matters = OrderMatters { subgroup_size: subgroups, is_shared: single_threaded };
                 InvocationOrder::drawn(size, matters.draw(choices, self.invocation_count(size)?))
             }
             None if by_index => InvocationOrder::by_index(size),
@@ -107,14 +105,7 @@ impl Launch<'_> {
             first_task: *first_task,
         };
         *first_task += task_count;
-        let lanes = match subgroups {
-            Some(..=64) => 64,
-            Some(_) => 128,
-            None if one_by_one => 1,
-            None if single_threaded => 64,
-            None => lanes,
-        };
-        let worker = || match lanes {
+        let worker = || match matters.lanes(one_by_one, lanes) {
             1 => self.run_tasks::<1>(&work),
             64 => self.run_tasks::<64>(&work),
             _ => self.run_tasks::<128>(&work),

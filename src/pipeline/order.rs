@@ -28,6 +28,19 @@ pub(super) struct OrderMatters {
 }
 
 impl OrderMatters {
+    /// How many invocations run together, so that results do not depend on the number asked for: a
+    /// batch holds whole subgroups, whose size divides its width, and invocations that depend on
+    /// each other run one after the other or 64 at a time.
+    pub(super) fn lanes(self, one_by_one: bool, asked: usize) -> usize {
+        match self.subgroup_size {
+            Some(..=64) => 64,
+            Some(_) => 128,
+            None if one_by_one => 1,
+            None if self.is_shared => 64,
+            None => asked,
+        }
+    }
+
     /// Draws the positions of so many invocations, as far as it may make a difference: within
     /// subgroups, or only those of whole subgroups.
     pub(super) fn draw(self, choices: &OpenChoices, count: u64) -> Option<Permutation> {
