@@ -68,7 +68,7 @@ impl Geometry {
         else {
             return None;
         };
-        Some(array::map([vertices, &later[..]], |all| triangle(all, indices, transform, primitive)))
+        Some(array::map([&vertices[..], &later[..]], |all| triangle(all, indices, transform, primitive)))
     }
 }
 
