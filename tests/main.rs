@@ -17,9 +17,13 @@ mod book;
 mod cli;
 mod compile;
 mod conformance;
+#[cfg(feature = "debugger")]
 mod dap;
+#[cfg(feature = "debugger")]
 mod debugger;
+#[cfg(feature = "debugger")]
 mod debugger_steps;
+#[cfg(feature = "debugger")]
 mod debugger_walks;
 mod descriptors;
 mod device;

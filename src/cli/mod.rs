@@ -9,9 +9,11 @@
 mod check_math;
 mod compare;
 mod compile;
+#[cfg(feature = "debugger")]
 mod dap;
 mod input;
 mod inspect;
+#[cfg(feature = "debugger")]
 mod interactive;
 mod interrupt;
 mod limits;
@@ -41,6 +43,7 @@ mod verify;
 use std::process::ExitCode;
 
 use clap::builder::{PossibleValue, PossibleValuesParser};
+use clap::error::{ContextKind, ContextValue};
 use clap::{CommandFactory, Parser};
 
 use crate::error::Result;
@@ -70,6 +73,7 @@ commands! {
     run Run(RunArgs),
     scene Scene(SceneArgs),
     trace_one_ray TraceOneRay(TraceOneRayArgs),
+    #[cfg(feature = "debugger")]
     dap Dap(DapArgs),
     smoke Smoke(SmokeArgs),
     verify Verify(VerifyArgs),
@@ -108,13 +112,32 @@ pub fn main() -> ExitCode {
     let run = match CommandLine::try_parse() {
         Ok(line) => line.command.run(),
         Err(error) => match output::command_line(&error) {
-            Ok(()) => return u8::try_from(error.exit_code()).map_or(ExitCode::FAILURE, ExitCode::from),
+            Ok(()) => {
+                if let Some(feature) = lacking_feature(&error) {
+                    output::hint(format_args!(
+                        "this build of anyhit lacks the feature `{feature}`, which has the command: \
+                         build it with `--features {feature}`"
+                    ));
+                }
+                return u8::try_from(error.exit_code()).map_or(ExitCode::FAILURE, ExitCode::from);
+            }
             Err(error) => Err(error),
         },
     };
     let Err(error) = run else { return ExitCode::SUCCESS };
     output::report(&error);
     ExitCode::from(error.class().exit_code())
+}
+
+/// The feature that has the command which this build does not know.
+fn lacking_feature(error: &clap::Error) -> Option<&'static str> {
+    let Some(ContextValue::String(command)) = error.get(ContextKind::InvalidSubcommand) else { return None };
+    let features = [
+        ("check-math", "stress", cfg!(feature = "stress")),
+        ("dap", "debugger", cfg!(feature = "debugger")),
+        ("stress", "stress", cfg!(feature = "stress")),
+    ];
+    features.iter().find(|(name, _, is_built)| name == command && !is_built).map(|(_, feature, _)| *feature)
 }
 
 /// The command line as clap defines it, so that documents can be checked against it.
@@ -129,6 +152,18 @@ mod tests {
     #[test]
     fn the_arguments_of_all_commands_are_consistent() {
         command().debug_assert();
+    }
+
+    #[test]
+    fn a_command_of_a_feature_that_was_left_out_names_it() {
+        for (command, feature, is_built) in
+            [("dap", "debugger", cfg!(feature = "debugger")), ("stress", "stress", cfg!(feature = "stress"))]
+        {
+            let error = CommandLine::try_parse_from(["anyhit", command, "--no-such-flag"]).err().unwrap();
+            assert_eq!(lacking_feature(&error), (!is_built).then_some(feature), "{command}");
+        }
+        let error = CommandLine::try_parse_from(["anyhit", "inspct", "a.spv"]).err().unwrap();
+        assert_eq!(lacking_feature(&error), None);
     }
 
     #[test]

@@ -8,15 +8,18 @@ use clap::Args;
 
 use crate::cli::compare::{self, Other};
 use crate::cli::input::{SceneFileArgs, VariantArgs};
+#[cfg(feature = "debugger")]
+use crate::cli::interactive;
 use crate::cli::limits::LimitArgs;
 use crate::cli::many_seeds::{ManySeedsArgs, command_line};
 use crate::cli::page_args::PageArgs;
 use crate::cli::render::size;
 use crate::cli::sanitize::SanitizeArgs;
 use crate::cli::stability::StabilityArgs;
-use crate::cli::{interactive, output, precision};
+use crate::cli::{output, precision};
 use crate::debug::Transcript;
 use crate::debug::command;
+#[cfg(feature = "debugger")]
 use crate::debug::debugger::Debugger;
 use crate::debug::render::{self, RenderOptions};
 use crate::debug::session::{ExplainRequest, Session};
@@ -163,9 +166,7 @@ fn trace(args: TraceOneRayArgs) -> Result<Option<Error>> {
     }
     let colour = !output::is_plain() && stdout().is_terminal();
     if args.interactive {
-        let mut debugger = Debugger::of_scene(&session, &request)?;
-        debugger.supply_texts(&mut |name| source_text(args.scene.as_deref(), name));
-        interactive::run(debugger, colour)?;
+        args.debug(&session, &request, colour)?;
         return Ok(None);
     }
     if let Some(other) = &args.page.compare {
@@ -192,6 +193,21 @@ fn trace(args: TraceOneRayArgs) -> Result<Option<Error>> {
 }
 
 impl TraceOneRayArgs {
+    /// Debugs what is requested: commands come from the terminal, or from standard input.
+    #[cfg(feature = "debugger")]
+    fn debug(&self, session: &Session, request: &ExplainRequest, colours: bool) -> Result<()> {
+        let mut debugger = Debugger::of_scene(session, request)?;
+        debugger.supply_texts(&mut |name| source_text(self.scene.as_deref(), name));
+        interactive::run(debugger, colours)
+    }
+
+    /// Says that the debugger was left out.
+    #[cfg(not(feature = "debugger"))]
+    fn debug(&self, _: &Session, _: &ExplainRequest, _: bool) -> Result<()> {
+        let message = "this build of anyhit has no debugger: it lacks the feature `debugger`";
+        Err(Error::new(ErrorKind::UnsupportedTool, message).note("build it with `--features debugger`"))
+    }
+
     /// The command that traces the same again.
     fn repeated(&self) -> String {
         let number = |number: Option<u32>| number.map(|number| number.to_string());

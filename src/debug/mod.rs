@@ -5,7 +5,7 @@
 //! instead of words. [`render`] turns it into text, and its JSON is the tree itself. Nothing here
 //! reads or writes a file or a terminal.
 
-#[cfg(feature = "cli")]
+#[cfg(feature = "debugger")]
 pub mod adapter;
 mod builtin_names;
 #[cfg(feature = "scenes")]
