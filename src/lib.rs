@@ -58,7 +58,7 @@
 //! | feature | default | what it adds |
 //! |---|---|---|
 //! | `cli` | yes | the program `anyhit`; with it `scenes` and `recordings` |
-//! | `debugger` | yes | the debugger's front ends: `trace-one-ray --interactive`, `anyhit dap`; with it `cli` |
+//! | `debugger` | yes | `trace-one-ray --interactive` and `anyhit dap`; with it `cli` |
 //! | `scenes` | yes | scene files ([`LoadedScene`], [`Case`]); with it `compilers` |
 //! | `gltf`, `obj` | yes | models of these files in scenes |
 //! | `images` | yes | PNG and JPEG files in scenes, PNG of what was rendered |

@@ -329,15 +329,20 @@ fn the_demo_traces_a_shadow_ray_from_a_closest_hit_shader() {
     assert_eq!(transcript["writes"][0]["at"], json!({ "texel": [470, 220, 0] }));
 }
 
+/// The text of its lines is part of the program, too.
 #[test]
-fn the_demo_runs_from_any_folder() {
-    let output = Command::new(env!("CARGO_BIN_EXE_anyhit"))
-        .arg("trace-one-ray")
-        .current_dir(std::env::temp_dir())
-        .output()
-        .unwrap();
-    assert!(output.status.success());
-    assert!(!String::from_utf8_lossy(&output.stdout).contains('\u{1b}'), "no colour where no terminal is");
+fn the_demo_is_explained_alike_in_any_folder() {
+    let page = |folder: &Path| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_anyhit"));
+        let output = command.arg("trace-one-ray").current_dir(folder).output().unwrap();
+        assert!(output.status.success());
+        String::from_utf8(output.stdout).unwrap()
+    };
+    let empty = tempfile::tempdir().expect("a folder");
+    let page_there = page(empty.path());
+    assert!(!page_there.contains('\u{1b}'), "no colour where no terminal is");
+    assert!(page_there.contains("vec3 p0 = gl_HitLSSPositionsNV[0];"), "{page_there}");
+    assert_eq!(page_there, page(Path::new(env!("CARGO_MANIFEST_DIR"))));
 }
 
 #[test]

@@ -328,15 +328,15 @@ impl TraceOneRayArgs {
 }
 
 /// The text of a source that a compiler names and no module holds: from the current folder, the
-/// scene's or one above it.
+/// scene's or one above it, and for the scene that is part of the program from there alone.
 fn source_text(scene: Option<&Path>, name: &str) -> Option<String> {
+    let Some(scene) = scene else { return String::from_utf8(demo::FILES.read(Path::new(name)).ok()?).ok() };
     // A module may name any file: only those below these folders are read.
     let is_below = |component: Component<'_>| matches!(component, Component::Normal(_) | Component::CurDir);
     if !Path::new(name).components().all(is_below) {
         return None;
     }
-    let above = scene.into_iter().flat_map(|scene| scene.ancestors().skip(1));
-    let mut folders = std::iter::once(Path::new("")).chain(above);
+    let mut folders = std::iter::once(Path::new("")).chain(scene.ancestors().skip(1));
     folders.find_map(|folder| {
         let bytes = DiskFiles.read(&folder.join(name)).ok()?;
         String::from_utf8(bytes).ok()

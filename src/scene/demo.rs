@@ -10,7 +10,8 @@ use crate::scene::resolved::ResolvedScene;
 /// The scene's path among [`FILES`].
 pub const PATH: &str = "scenes/swept-spheres.toml";
 
-/// The scene with everything that it names, by path from the crate's root.
+/// The scene with everything that it names, and what its shaders were compiled from, by path from
+/// the crate's root.
 pub const FILES: EmbeddedFiles<'static> = {
     macro_rules! embedded {
         ($($path:literal)*) => {
@@ -28,6 +29,16 @@ pub const FILES: EmbeddedFiles<'static> = {
         "spirv-fixtures/demo/swept-spheres/spheres.rchit.spv"
         "spirv-fixtures/demo/swept-spheres/chains.rchit.spv"
         "spirv-fixtures/demo/swept-spheres/ground.rchit.spv"
+        "shaders/demo/swept-spheres/main.rgen"
+        "shaders/demo/swept-spheres/sky.rmiss"
+        "shaders/demo/swept-spheres/shadow.rmiss"
+        "shaders/demo/swept-spheres/grass.rchit"
+        "shaders/demo/swept-spheres/spheres.rchit"
+        "shaders/demo/swept-spheres/chains.rchit"
+        "shaders/demo/swept-spheres/ground.rchit"
+        "shaders/demo/swept-spheres/normals.glsl"
+        "shaders/demo/swept-spheres/scene.glsl"
+        "shaders/demo/swept-spheres/shade.glsl"
     }
 };
 
