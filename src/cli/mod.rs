@@ -157,8 +157,7 @@ mod tests {
     fn a_command_that_a_build_lacks_is_answered_with_its_feature() {
         let without = clap::Command::new("anyhit").subcommand(clap::Command::new("inspect"));
         let lacking = |name| {
-            let error =
-                without.clone().try_get_matches_from(["anyhit", name]).err().expect("no such command");
+            let error = without.clone().try_get_matches_from(["anyhit", name]).expect_err("no such command");
             lacking_feature(&error)
         };
         assert_eq!(lacking("dap"), Some("debugger"));
