@@ -1,5 +1,7 @@
 //! Constants and specialization constants of module scope.
 
+use std::sync::OnceLock;
+
 use crate::error::{Error, ErrorKind, Result};
 use crate::module::ty::{Type, TypeId};
 use crate::module::{Definition, Id, Module};
@@ -68,6 +70,8 @@ impl Module {
             found = true;
         }
         if found {
+            // Layouts may depend on it.
+            self.faults = OnceLock::new();
             return Ok(());
         }
         Err(Error::new(

@@ -150,6 +150,7 @@ impl<'w> Loader<'w> {
                 decorations: Decorations::default(),
                 debug_info: DebugInfo::default(),
                 scopes: OnceLock::new(),
+                faults: OnceLock::new(),
                 result_types: IdMap::like(&definitions),
                 definitions,
                 warnings: Vec::new(),

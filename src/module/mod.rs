@@ -33,6 +33,7 @@ pub mod names;
 pub(crate) mod opcode_table;
 mod span;
 pub mod ty;
+pub mod validate;
 mod words;
 
 #[cfg(test)]
@@ -52,6 +53,7 @@ use crate::module::decoration::Decorations;
 use crate::module::id_map::IdMap;
 use crate::module::interface::EntryPoint;
 use crate::module::ty::{Type, TypeId};
+use crate::module::validate::ValidationFinding;
 use std::ops::Range;
 use std::sync::OnceLock;
 
@@ -201,6 +203,9 @@ pub struct Module {
     /// Lexical scopes and local variables, once somebody has asked for them; see
     /// [`Module::debug_scopes`].
     scopes: OnceLock<DebugScopes>,
+    /// Findings of [`Module::validate`] that make the module invalid, once lowering has asked for
+    /// them.
+    faults: OnceLock<Vec<ValidationFinding>>,
     /// What each id defines.
     #[doc(hidden)]
     pub definitions: IdMap<Definition>,

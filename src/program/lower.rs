@@ -152,6 +152,7 @@ pub(super) fn translate(
         let message = format!("entry point `{}` names no function", entry.name);
         return Err(Error::new(ErrorKind::InvalidModule, message).at(Place::Word(entry.offset as usize)));
     };
+    module.check_faults()?;
     let mut lowering = Lowering {
         translator: Translator::new(module, entry.stage),
         module,
