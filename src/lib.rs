@@ -125,6 +125,7 @@ pub use harness::data::TypedBytes;
 pub use harness::device_buffers::DeviceBuffers;
 pub use harness::explain::Explain;
 pub use harness::hit::Hit;
+pub use harness::host_layout::HostLayout;
 pub use harness::mock::{CallableCall, ExecuteCall, TraceCall};
 pub use harness::scalars::Scalars;
 pub use harness::shader_outcome::{ReportedHit, ShaderOutcome};

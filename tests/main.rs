@@ -36,6 +36,7 @@ mod expressions;
 mod file_circles;
 mod first_tests;
 mod fixtures;
+mod host_layout;
 mod instructions;
 #[cfg(all(feature = "proptest", feature = "wgsl"))]
 mod laws;

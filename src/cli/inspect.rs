@@ -11,13 +11,17 @@ use crate::cli::input::InputLimitArgs;
 use crate::cli::source::SourceArgs;
 use crate::cli::{module_file, output};
 use crate::error::{Error, ErrorKind, ErrorReport, Result};
+use crate::harness::host_layout::compare::LayoutComparison;
+use crate::harness::host_layout::source::HostSource;
+use crate::harness::host_layout::{self, HostType};
 use crate::machine::ShaderIndex;
 use crate::module::Module;
 use crate::module::interface::{EntryPoint, InterfaceVariable};
 use crate::module::names::{
     addressing_model_name, builtin_name, capability_name, memory_model_name, storage_class_name,
 };
-use crate::program::struct_lookup::{StructTable, find};
+use crate::program::layout::{Layout, Rules};
+use crate::program::struct_lookup::{StructTable, base_name, find, name_of, structs};
 use crate::program::{self, obstacles};
 use crate::sanitize::module_checks::check_module;
 use crate::sanitize::{Findings, Levels};
@@ -34,6 +38,13 @@ pub(super) struct InspectArgs {
     /// and pointers
     #[arg(long, value_name = "STRUCT", num_args = 0..=1)]
     layout: Option<Option<String>>,
+    /// Compare the layout with a struct of the host: a Rust file (`.rs`) with `#[repr(C)]` structs,
+    /// or a header of C or C++. Without the name of a struct, compare all that both declare
+    #[arg(long, value_name = "FILE", requires = "layout")]
+    against: Option<PathBuf>,
+    /// The host's struct, where its name differs from the shader's
+    #[arg(long, value_name = "NAME", requires = "against")]
+    host_struct: Option<String>,
     #[command(flatten)]
     how: SourceArgs,
     #[command(flatten)]
@@ -49,10 +60,12 @@ pub(super) struct InspectArgs {
 /// What reading, compiling and loading the module reports.
 pub(super) fn run(args: InspectArgs) -> Result<()> {
     let json = args.json;
-    inspect(args).map_err(|error| output::json_error(json, error))
+    let differences = inspect(args).map_err(|error| output::json_error(json, error))?;
+    if differences.is_empty() { Ok(()) } else { Err(Error::several(differences)) }
 }
 
-fn inspect(args: InspectArgs) -> Result<()> {
+/// Prints what is asked for, and returns the differences of compared layouts.
+fn inspect(args: InspectArgs) -> Result<Vec<Error>> {
     // In `inspect --layout FILE` what looks like a struct's name is the module.
     let (path, layout) = match (args.module, args.layout) {
         (Some(path), layout) => (path, layout),
@@ -62,14 +75,28 @@ fn inspect(args: InspectArgs) -> Result<()> {
         return Err(Error::new(ErrorKind::InvalidArgument, "a module is needed: `inspect MODULE --layout`"));
     }
     let module = Arc::new(module_file::read_or_compile(&path, &args.limits.limits(), &args.how.words())?);
+    if let (Some(name), Some(file)) = (&layout, &args.against) {
+        let host = HostSource::read(file, &args.limits.limits())?;
+        return compare_layouts(
+            &module,
+            &path,
+            name.as_deref(),
+            &host,
+            args.host_struct.as_deref(),
+            args.json,
+        );
+    }
     if let Some(name) = layout {
-        return print_layouts(&module, &path, name.as_deref(), args.json);
+        print_layouts(&module, &path, name.as_deref(), args.json)?;
+        return Ok(Vec::new());
     }
     let report = ModuleReport::of(&module);
-    if !args.json {
-        return output::print(format_args!("{}\n{}", path.display(), report.text()));
+    if args.json {
+        print_json(&report, &path)?;
+    } else {
+        output::print(format_args!("{}\n{}", path.display(), report.text()))?;
     }
-    print_json(&report, &path)
+    Ok(Vec::new())
 }
 
 fn print_json(value: &impl Serialize, path: &Path) -> Result<()> {
@@ -92,6 +119,59 @@ fn print_layouts(module: &Module, path: &Path, name: Option<&str>, json: bool) -
     }
     let texts: Vec<String> = tables.iter().map(StructTable::text).collect();
     output::print(format_args!("{}", texts.join("\n")))
+}
+
+/// Compares structs of a module with those of the host, and returns how each differs first.
+fn compare_layouts(
+    module: &Module,
+    path: &Path,
+    name: Option<&str>,
+    host: &HostSource,
+    host_name: Option<&str>,
+    json: bool,
+) -> Result<Vec<Error>> {
+    let compare = |layout, host_type: HostType| {
+        let title = format!("{} in {}", host_type.name(), host.name());
+        host_layout::compare::compare(layout, &host_type, &title)
+    };
+    let comparisons = match (name, host_name) {
+        (Some(name), _) => {
+            let layout = find(module, name)?;
+            let found = name_of(module, layout.ty).map(base_name).unwrap_or(name);
+            let host_type = match host_name {
+                Some(host_name) => host.layout(host_name)?,
+                None => host.counterpart(found)?,
+            };
+            vec![compare(layout, host_type)]
+        }
+        (None, Some(_)) => {
+            let message = "`--host-struct` needs the shader's struct, too: `--layout STRUCT`";
+            return Err(Error::new(ErrorKind::InvalidArgument, message));
+        }
+        (None, None) => {
+            let mut found = Vec::new();
+            for ty in structs(module) {
+                let Some(name) = name_of(module, ty).map(base_name) else { continue };
+                if host.structs().iter().any(|known| known == name) {
+                    found.push(compare(Layout::new(module, ty, Rules::Explicit), host.layout(name)?));
+                }
+            }
+            if found.is_empty() {
+                let message =
+                    format!("{} and {} declare no struct of the same name", path.display(), host.name());
+                return Err(Error::new(ErrorKind::InvalidArgument, message)
+                    .note("name both: `--layout STRUCT --host-struct NAME`"));
+            }
+            found
+        }
+    };
+    if json {
+        print_json(&comparisons, path)?;
+    } else {
+        let equal = comparisons.iter().filter(|one| one.is_equal());
+        output::print(format_args!("{}", equal.map(LayoutComparison::text).collect::<String>()))?;
+    }
+    Ok(comparisons.iter().filter_map(LayoutComparison::error).collect())
 }
 
 /// The report on a module, which `--json` prints.

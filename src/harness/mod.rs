@@ -21,6 +21,7 @@ pub mod device_buffers;
 pub mod explain;
 mod given;
 pub mod hit;
+pub mod host_layout;
 pub mod instance;
 pub mod layout;
 mod memory;

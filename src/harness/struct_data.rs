@@ -7,6 +7,8 @@ use bytemuck::NoUninit;
 
 use crate::error::{Error, ErrorKind, Result};
 use crate::harness::data::Bytes;
+use crate::harness::host_layout::HostLayout;
+use crate::harness::host_layout::compare::compare;
 use crate::harness::layout::{Layout, Rules};
 use crate::harness::rust_layout::RustLayout;
 use crate::harness::scalars::{self, Scalars};
@@ -173,6 +175,18 @@ impl StructData {
             }
         };
         if fits && !rust.contradicts(layout) { Ok(()) } else { Err(layout.mismatch("the struct", rust)) }
+    }
+
+    /// Compares the layout of a host's struct with this one: the offset, width and class (float or
+    /// integer) of each scalar, the order of members by name, and the stride of arrays of it.
+    ///
+    /// [`host_layout!`](crate::host_layout) has an example.
+    ///
+    /// # Errors
+    /// `Expectation` with both layouts side by side, and the first byte at which they differ.
+    pub fn check_host_layout<T: HostLayout>(&self) -> Result<()> {
+        let host = T::host_type();
+        compare(self.layout(), &host, host.name()).error().map_or(Ok(()), Err)
     }
 
     /// The bytes, little-endian; padding is zero.

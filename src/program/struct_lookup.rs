@@ -277,7 +277,7 @@ fn explicit(module: &Module, ty: TypeId) -> Layout<'_> {
 }
 
 /// A name without what Slang appends: a layout, and a number where names repeat.
-fn base_name(name: &str) -> &str {
+pub fn base_name(name: &str) -> &str {
     let numbered = name
         .rsplit_once('_')
         .filter(|(_, number)| !number.is_empty() && number.bytes().all(|byte| byte.is_ascii_digit()));
