@@ -67,6 +67,8 @@ mod result_types;
 mod rewriting;
 mod robustness;
 mod sanitized_modules;
+#[cfg(feature = "glsl")]
+mod sanitized_values;
 mod scene_init;
 mod scene_schema;
 mod shares;

@@ -257,7 +257,7 @@ fn shaders_and_passes_that_a_scene_does_not_have() {
 
 #[test]
 fn images_are_read_where_they_are_bound() -> Result<()> {
-    let builder = Pipeline::builder().ray_generation(program("fail/images/out-of-bounds/main.rgen.spv"))?;
+    let builder = Pipeline::builder().ray_generation(program("pass/images/out-of-bounds/main.rgen.spv"))?;
     let format = Format::new(anyhit::Component::Float32, 1);
     let scene = Scene::new([])?.image(0, 1, Image::plane(format, 3, 1)?);
     builder.build()?.launch(&scene, [3, 1, 1])?;

@@ -57,7 +57,7 @@ fn found(text: &str) -> Vec<(&'static str, String)> {
 fn findings(text: &str) -> Findings {
     let module = Arc::new(anyhit::internals::module::load(&assemble(text)).expect("a module"));
     let program = anyhit::internals::program::lower(&module, &module.entry_points[0]).expect("a program");
-    let compute = Compute::new(program).expect("a compute shader").unoptimized().expect("a program");
+    let compute = Compute::new(program).expect("a compute shader").for_sanitizer().expect("a program");
     let mut resources = Resources::default();
     for element in 0..2 {
         let buffer = Descriptor::Buffer(Buffer::zeroed(8));
@@ -206,7 +206,7 @@ fn found_by_launch(text: &str) -> Vec<(&'static str, String)> {
         }
         .expect("a shader of its stage");
     }
-    let pipeline = builder.build().and_then(|pipeline| pipeline.unoptimized()).expect("a pipeline");
+    let pipeline = builder.build().and_then(|pipeline| pipeline.for_sanitizer()).expect("a pipeline");
     let plans: Vec<ProgramPlan> = pipeline.programs.iter().map(ProgramPlan::new).collect();
     let (levels, resources) = (Levels::default(), Resources::default());
     let mut sanitizer = Sanitizer::new(&plans, &levels).of_pipeline(&pipeline);

@@ -132,21 +132,6 @@ fn of_a_scene() {
     assert_eq!((raygen.stage, raygen.line, &raygen.file), (Stage::RayGeneration, None, &None));
     assert!(raygen.word.is_some() && raygen.shader != first.shader, "{found:?}");
 
-    let error = launched("images/out-of-bounds");
-    let found = trap(&error);
-    assert_eq!(
-        (found.code, found.launch_id, found.line()),
-        (TrapCode::ImageOutOfBounds, [3, 0, 0], Some(10))
-    );
-    let TrapOperands::Texel { image, coordinate, extent, level, levels, sample, samples, .. } =
-        &found.operands
-    else {
-        panic!("{found:?}")
-    };
-    assert_eq!((&coordinate[..], &extent[..]), (&[3, 0][..], &[3, 1][..]));
-    assert_eq!([*level, *levels, *sample, *samples], [0, 1, 0, 1]);
-    assert_eq!(image.as_ref().map(descriptor), Some(("target", [0, 1, 0])));
-
     let error = launched("trace/invalid-ray");
     let found = trap(&error);
     assert_eq!((found.code, found.line()), (TrapCode::InvalidTrace, Some(20)));

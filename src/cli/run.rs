@@ -43,8 +43,8 @@ pub(super) struct RunArgs {
     /// `exr`) or .raw (the texels' bytes)
     #[arg(long, value_name = "WHAT=FILE.png")]
     save: Vec<String>,
-    /// What an access outside its buffer or image does: a trap, or Vulkan's robust result [default:
-    /// the scene's choice]
+    /// What an access outside its buffer does: a trap, or Vulkan's robust result [default: the
+    /// scene's choice]
     #[arg(long, value_name = "POLICY", value_parser = ["trap", "robust"])]
     memory: Option<String>,
     /// The precision of a scene's intersections [default: the scene's choice]

@@ -144,7 +144,7 @@ impl ComputeTest {
     /// # Errors
     /// `Finding` for what it denies, all in one error; else as [`ComputeTest::run`].
     pub fn sanitize(&self) -> Result<Vec<Error>> {
-        let compute = self.compute.unoptimized()?;
+        let compute = self.compute.for_sanitizer()?;
         self.given.check(&compute.program)?;
         let resources = memory::copied(&self.given.resources);
         let (plans, levels) = ([ProgramPlan::new(&compute.program)], Levels::default());

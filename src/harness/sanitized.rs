@@ -63,7 +63,7 @@ pub fn run_sanitized(
     resources: &Resources,
     levels: &Levels,
 ) -> Result<SanitizedRun> {
-    let reference = assembled.unoptimized()?;
+    let reference = assembled.for_sanitizer()?;
     let mut findings = check_scene(scene, &reference, levels);
     let mut stats = Stats::default();
     // Rays by the pipeline that traces them, and those of compute shaders' ray queries.
@@ -151,7 +151,7 @@ pub fn sanitize_one(
     resources: &Resources,
     levels: &Levels,
 ) -> Result<SanitizedRun> {
-    let reference = assembled.unoptimized()?;
+    let reference = assembled.for_sanitizer()?;
     let single = reference.single_launch(which.pass.as_deref())?;
     if single.pipeline.uses_subgroups() && single.pipeline.subgroup_size > 1 {
         let message = "a single invocation under the sanitizer, of a pipeline with subgroup instructions";

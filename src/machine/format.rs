@@ -82,6 +82,64 @@ impl Format {
     /// Four channels of 8 bits, sRGB-encoded.
     pub const RGBA8_SRGB: Self = Self { component: Component::Unorm8, channels: 4, srgb: true };
 
+    /// GLSL's names of image formats in small letters; `srgb8_alpha8` as in OpenGL.
+    #[doc(hidden)]
+    pub const NAMED: &'static [(&'static str, Self)] = {
+        use Component::*;
+        &[
+            ("r8", Self::new(Unorm8, 1)),
+            ("rg8", Self::new(Unorm8, 2)),
+            ("rgba8", Self::new(Unorm8, 4)),
+            ("rgba8_srgb", Self { component: Unorm8, channels: 4, srgb: true }),
+            ("r8_snorm", Self::new(Snorm8, 1)),
+            ("rg8_snorm", Self::new(Snorm8, 2)),
+            ("rgba8_snorm", Self::new(Snorm8, 4)),
+            ("r16", Self::new(Unorm16, 1)),
+            ("rg16", Self::new(Unorm16, 2)),
+            ("rgba16", Self::new(Unorm16, 4)),
+            ("r16_snorm", Self::new(Snorm16, 1)),
+            ("rg16_snorm", Self::new(Snorm16, 2)),
+            ("rgba16_snorm", Self::new(Snorm16, 4)),
+            ("r16f", Self::new(Float16, 1)),
+            ("rg16f", Self::new(Float16, 2)),
+            ("rgba16f", Self::new(Float16, 4)),
+            ("r32f", Self::new(Float32, 1)),
+            ("rg32f", Self::new(Float32, 2)),
+            ("rgba32f", Self::new(Float32, 4)),
+            ("r8ui", Self::new(Uint8, 1)),
+            ("rg8ui", Self::new(Uint8, 2)),
+            ("rgba8ui", Self::new(Uint8, 4)),
+            ("r8i", Self::new(Sint8, 1)),
+            ("rg8i", Self::new(Sint8, 2)),
+            ("rgba8i", Self::new(Sint8, 4)),
+            ("r16ui", Self::new(Uint16, 1)),
+            ("rg16ui", Self::new(Uint16, 2)),
+            ("rgba16ui", Self::new(Uint16, 4)),
+            ("r16i", Self::new(Sint16, 1)),
+            ("rg16i", Self::new(Sint16, 2)),
+            ("rgba16i", Self::new(Sint16, 4)),
+            ("r32ui", Self::new(Uint32, 1)),
+            ("rg32ui", Self::new(Uint32, 2)),
+            ("rgba32ui", Self::new(Uint32, 4)),
+            ("r32i", Self::new(Sint32, 1)),
+            ("rg32i", Self::new(Sint32, 2)),
+            ("rgba32i", Self::new(Sint32, 4)),
+            ("r64ui", Self::new(Uint64, 1)),
+            ("r64i", Self::new(Sint64, 1)),
+            ("rgb10_a2", Self::new(Unorm10A2, 4)),
+            ("rgb10_a2ui", Self::new(Uint10A2, 4)),
+            ("r11f_g11f_b10f", Self::new(Float11B10, 3)),
+            ("rgb9_e5", Self::new(SharedExponent, 3)),
+        ]
+    };
+
+    /// The name of the format in scenes.
+    #[doc(hidden)]
+    pub fn name(self) -> &'static str {
+        let named = Self::NAMED.iter().find(|(_, known)| *known == self);
+        named.map_or("a format without a name", |(name, _)| name)
+    }
+
     /// A format of linear components.
     pub const fn new(component: Component, channels: u8) -> Self {
         Self { component, channels, srgb: false }

@@ -77,18 +77,21 @@ impl Descriptor {
     }
 }
 
-/// How an access outside its buffer or image is handled.
+/// How an access outside its buffer is handled.
+///
+/// Outside an image, both do the same: a store has no effect (Vulkan, "Texel Output Coordinate
+/// Validation"), and so has an atomic instruction, which returns 0; a texel that is read, which is
+/// undefined without `robustImageAccess`, is that of `robustImageAccess2`: zeros, but for 1 where
+/// the format has no A.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum MemoryPolicy {
     /// The access traps.
     #[default]
     Trap,
-    /// `robustBufferAccess2` and `robustImageAccess2`: of a load, scalars that lie outside
-    /// a buffer are 0, and so are texels outside an image, but for 1 where the format has no A;
-    /// what is stored there is dropped, atomic instructions do nothing and return 0. Device
-    /// addresses, workgroup memory, arrays of variables and missing descriptors still trap:
-    /// Vulkan's robustness does not reach them. (A null descriptor is none that is missing:
-    /// [`Buffer::null`].)
+    /// `robustBufferAccess2`: of a load, scalars that lie outside a buffer are 0; what is stored
+    /// there is dropped, atomic instructions do nothing and return 0. Device addresses, workgroup
+    /// memory, arrays of variables and missing descriptors still trap: Vulkan's robustness does not
+    /// reach them. (A null descriptor is none that is missing: [`Buffer::null`].)
     Robust,
 }
 
@@ -123,8 +126,11 @@ pub struct Resources {
     pub printed: Option<Arc<Printed>>,
     /// How much of that is kept.
     pub printed_bytes: PrintedBytes,
-    /// How an access outside its buffer or image is handled.
+    /// How an access outside its buffer is handled.
     pub policy: MemoryPolicy,
+    /// Whether an access outside its image traps all the same, so that whoever chooses the image
+    /// learns that it is too small.
+    pub traps_outside_images: bool,
     /// What of that which the specification leaves open is drawn; `None` where all of it is this
     /// crate's own choice.
     pub choices: Option<Arc<OpenChoices>>,
@@ -206,6 +212,7 @@ impl Resources {
             printed: self.printed.clone(),
             printed_bytes: self.printed_bytes,
             policy: self.policy,
+            traps_outside_images: self.traps_outside_images,
             choices: self.choices.clone(),
         }
     }
@@ -238,15 +245,18 @@ pub struct Bindings {
     pub printed: Option<Arc<Printed>>,
     /// How much of what shaders print is kept.
     pub printed_bytes: PrintedBytes,
-    /// How an access outside its buffer or image is handled.
+    /// How an access outside its buffer is handled.
     pub policy: MemoryPolicy,
+    /// Whether an access outside its image traps all the same, so that whoever chooses the image
+    /// learns that it is too small.
+    pub traps_outside_images: bool,
     /// What of that which the specification leaves open is drawn; `None` where all of it is this
     /// crate's own choice.
     pub choices: Option<Arc<OpenChoices>>,
 }
 
 impl Bindings {
-    /// Whether accesses outside their buffer or image do not trap.
+    /// Whether accesses outside their buffer do not trap.
     pub fn is_robust(&self) -> bool {
         self.policy == MemoryPolicy::Robust
     }

@@ -211,7 +211,7 @@ impl AtomicOp {
                             self.write(batch, self.to, lane, old >> shift & mask);
                         }
                         Err(TrapCode::ImageOutOfBounds)
-                            if texel.is_robust(LaneReader::new(&batch.registers, lane, bindings)) =>
+                            if !texel.traps_outside(LaneReader::new(&batch.registers, lane, bindings)) =>
                         {
                             self.write(batch, self.to, lane, 0);
                         }

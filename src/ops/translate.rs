@@ -14,12 +14,12 @@ mod words;
 use std::cell::OnceCell;
 use std::ops::Range;
 
-use rustc_hash::FxHashMap;
+use rustc_hash::{FxHashMap, FxHashSet};
 
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::input::InputLimit;
 use crate::machine::stop::RegSpan;
-use crate::machine::{Binding, Reg, Registers};
+use crate::machine::{Binding, OpIndex, Reg, Registers};
 use crate::math::array;
 use crate::module::interface::Stage;
 use crate::module::ty::{Type, TypeId};
@@ -158,6 +158,10 @@ pub struct Translator<'m> {
     named_registers: u64,
     /// The results of `OpUndef` at module scope, where nothing is optimised.
     pub undefined_constants: Vec<UndefinedConstant>,
+    /// Operations that compute constants again; see [`crate::program::Program`].
+    pub constant_operations: FxHashMap<OpIndex, u32>,
+    /// The constants whose operations were executed in the open block.
+    pub executed_constants: FxHashSet<Id>,
     constants: FxHashMap<u32, Reg>,
     wide_constants: FxHashMap<u64, Reg>,
     /// The words of constants, indexed by register.
@@ -209,6 +213,8 @@ impl<'m> Translator<'m> {
             max_registers: module.limits.get(InputLimit::Registers) as u32,
             named_registers: 0,
             undefined_constants: Vec::new(),
+            constant_operations: FxHashMap::default(),
+            executed_constants: FxHashSet::default(),
             constants: FxHashMap::default(),
             wide_constants: FxHashMap::default(),
             words: Vec::new(),

@@ -140,6 +140,14 @@ impl Compute {
         Ok(Self { program: Arc::new(self.program.unoptimized()?), ..self.clone() })
     }
 
+    /// Returns the shader that the sanitizer observes; see [`Program::for_sanitizer`].
+    ///
+    /// # Errors
+    /// As [`crate::program::lower()`].
+    pub fn for_sanitizer(&self) -> Result<Self> {
+        Ok(Self { program: Arc::new(self.program.for_sanitizer()?), ..self.clone() })
+    }
+
     /// Sets the limits of a whole dispatch.
     #[must_use]
     pub fn launch_limits(self, limits: LaunchLimits) -> Self {

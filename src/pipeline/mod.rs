@@ -131,6 +131,17 @@ impl Pipeline {
         self.partly_unoptimized(|_| true)
     }
 
+    /// Returns the pipeline with the programs that the sanitizer observes; see
+    /// [`Program::for_sanitizer`].
+    ///
+    /// # Errors
+    /// As [`crate::program::lower()`].
+    #[doc(hidden)]
+    pub fn for_sanitizer(&self) -> Result<Self> {
+        let programs = self.programs.iter().map(|program| Ok(Arc::new(program.for_sanitizer()?)));
+        Ok(Self { programs: programs.collect::<Result<_>>()?, ..self.clone() })
+    }
+
     /// [`Pipeline::unoptimized`] of the shaders that are wanted; the others stay optimised.
     ///
     /// # Errors

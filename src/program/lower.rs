@@ -17,6 +17,7 @@ use rustc_hash::{FxHashMap, FxHashSet};
 
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::machine::{BlockIndex, Exit, OpIndex, Reg};
+use crate::module::constant::ConstantValue;
 use crate::module::interface::{EntryPoint, InterfaceVariable, Stage};
 use crate::module::ty::{Type, TypeId};
 use crate::module::{Definition, Function, Id, Instruction, Module};
@@ -25,7 +26,7 @@ use crate::ops::op::Op;
 use crate::ops::pointer::{Pointer, PointerBase, storage};
 use crate::ops::translate::{IdValue, Origin, Translator};
 use crate::ops::value_registers::Words;
-use crate::ops::{interface_check, load_store, memory, object, ray_query, translate_checked};
+use crate::ops::{constant, interface_check, load_store, memory, object, ray_query, translate_checked};
 use crate::program::call_graph::{InlineCost, inline_costs};
 use crate::program::control_flow::{escaping_values, structured_order};
 use crate::program::copy_propagation::{live_stores, propagate_copies};
@@ -68,6 +69,10 @@ pub enum Optimization {
     /// is eliminated, no registers are shared, no superinstruction is formed. Results do not
     /// change. This is the reference that the optimizer is checked against.
     None,
+    /// As [`Optimization::None`]; operations of specialization constants are executed, too, where
+    /// an instruction uses the constant, and everything may trap. This is what the sanitizer
+    /// observes.
+    Sanitized,
 }
 
 /// How an entry point is lowered.
@@ -111,9 +116,9 @@ pub fn lower_with(module: &Arc<Module>, entry: &EntryPoint, options: LowerOption
             optimize(&mut program, &addressed, options.verify);
             Ok(program)
         }
-        Optimization::None => {
+        Optimization::None | Optimization::Sanitized => {
             let optimized = LowerOptions { optimization: Optimization::Full, ..options };
-            lower_reference(&lower_with(module, entry, optimized)?, entry)
+            lower_reference(&lower_with(module, entry, optimized)?, entry, options.optimization)
         }
     }
 }
@@ -122,14 +127,17 @@ pub fn lower_with(module: &Arc<Module>, entry: &EntryPoint, options: LowerOption
 ///
 /// # Errors
 /// As [`lower`].
-pub(super) fn lower_reference(optimized: &Program, entry: &EntryPoint) -> Result<Program> {
-    let options = LowerOptions {
-        inlining: optimized.inlining,
-        optimization: Optimization::None,
-        ..LowerOptions::default()
-    };
+pub(super) fn lower_reference(
+    optimized: &Program,
+    entry: &EntryPoint,
+    optimization: Optimization,
+) -> Result<Program> {
+    let options = LowerOptions { inlining: optimized.inlining, optimization, ..LowerOptions::default() };
     let (mut program, _) = translate(&optimized.module, entry, options)?;
     reference::complete(&mut program, optimized);
+    if optimization == Optimization::Sanitized {
+        program.silent.fill(false);
+    }
     Ok(program)
 }
 
@@ -172,6 +180,7 @@ pub(super) fn translate(
         loop_variables: Vec::new(),
         watched: Vec::new(),
         without_step: None,
+        executes_constants: optimization == Optimization::Sanitized && has_constant_operations(module),
     };
     lowering.translator.float_controls = FloatControls::of(entry);
     lowering.translator.optimizes = optimization == Optimization::Full;
@@ -323,6 +332,8 @@ struct Lowering<'m> {
     /// The first instruction of a line none of whose instructions has become an operation so far,
     /// in a program that is not optimised.
     without_step: Option<Origin>,
+    /// Whether operations of constants are executed where an instruction uses the constant.
+    executes_constants: bool,
 }
 
 impl<'m> Lowering<'m> {
@@ -347,6 +358,7 @@ impl<'m> Lowering<'m> {
         self.block_of_label[label.0 as usize] = self.open_block();
         self.first = OpIndex::new(self.translator.ops.len());
         self.translator.invalidate_known_values();
+        self.translator.executed_constants.clear();
     }
 
     /// The open block.
@@ -380,7 +392,34 @@ impl<'m> Lowering<'m> {
                 let message = "a variable in workgroup memory is initialised with another value than null";
                 return Err(self.translator.invalid(message).note("VUID-StandaloneSpirv-OpVariable-04734"));
             }
+            if self.executes_constants {
+                constant::execute(&mut self.translator, initializer)?;
+            }
             load_store::store(&mut self.translator, &pointer, &words)?;
+        }
+        Ok(())
+    }
+
+    /// Executes the operations of the constants that an instruction uses, and of those that the
+    /// phis of the only successor of its block take.
+    fn execute_constants(&mut self, instruction: &Instruction, site: &Site<'_>) -> Result<()> {
+        if instruction.opcode == opcode::PHI {
+            return Ok(());
+        }
+        let module = self.module;
+        for id in module.operand_ids(instruction) {
+            constant::execute(&mut self.translator, id)?;
+        }
+        if instruction.opcode != opcode::BRANCH {
+            return Ok(());
+        }
+        let target = module.operands(instruction).first().copied();
+        let target = site.function.blocks.iter().find(|block| Some(block.label.0) == target);
+        let phis = target.into_iter().flat_map(|block| &block.instructions);
+        for phi in phis.take_while(|instruction| instruction.opcode == opcode::PHI) {
+            for incoming in module.operands(phi).chunks_exact(2).filter(|pair| pair[1] == site.block.0) {
+                constant::execute(&mut self.translator, Id(incoming[0]))?;
+            }
         }
         Ok(())
     }
@@ -481,6 +520,9 @@ impl<'m> Lowering<'m> {
     fn instruction(&mut self, instruction: &Instruction, site: &Site<'_>) -> Result<()> {
         self.translator.tick();
         self.record_instruction(instruction);
+        if self.executes_constants {
+            self.execute_constants(instruction, site)?;
+        }
         match instruction.opcode {
             opcode::PHI | opcode::LOOP_MERGE | opcode::SELECTION_MERGE => Ok(()),
             opcode::VARIABLE => self.variable(instruction),
@@ -621,6 +663,7 @@ impl<'m> Lowering<'m> {
             register_count,
             constants,
             undefined_constants: self.translator.undefined_constants,
+            constant_operations: self.translator.constant_operations,
             slots: self.translator.slots,
             inputs: self.translator.inputs,
             interface: self.translator.interface,
@@ -637,6 +680,11 @@ impl<'m> Lowering<'m> {
         };
         (program, self.translator.addressed)
     }
+}
+
+/// Whether a module has constants that are results of operations.
+fn has_constant_operations(module: &Module) -> bool {
+    module.constants.iter().any(|constant| matches!(constant.value, ConstantValue::Operation { .. }))
 }
 
 /// Whether a type is a ray query or an array of them.

@@ -30,6 +30,8 @@ mod written_program;
 use std::ops::Range;
 use std::sync::Arc;
 
+use rustc_hash::FxHashMap;
+
 use crate::accel::RayRule;
 use crate::error::{Error, ErrorKind, Result};
 use crate::machine::device_memory::STRUCTURE_HANDLE;
@@ -174,7 +176,8 @@ pub struct Program {
     #[doc(hidden)]
     pub ops: Vec<Op>,
     /// By operation of a program that is not optimised: whether the optimizer eliminates it, so
-    /// that it must not trap here either. Empty in optimised programs.
+    /// that it must not trap here either; false throughout in a program for the sanitizer. Empty in
+    /// optimised programs.
     #[doc(hidden)]
     pub silent: Vec<bool>,
     /// The operations that batches without an observer run.
@@ -211,6 +214,10 @@ pub struct Program {
     /// Those of them that are undefined, where the program is not optimised.
     #[doc(hidden)]
     pub undefined_constants: Vec<UndefinedConstant>,
+    /// By operation that computes a constant of the module again, for the sanitizer: the word
+    /// offset of that constant. Their results are not read.
+    #[doc(hidden)]
+    pub constant_operations: FxHashMap<OpIndex, u32>,
     /// The descriptor bindings, by slot.
     #[doc(hidden)]
     pub slots: Vec<Slot>,
@@ -328,7 +335,21 @@ impl Program {
         let is_this = |entry: &&EntryPoint| entry.stage == self.stage && entry.name == self.name;
         let entry = self.module.entry_points.iter().find(is_this);
         let entry = entry.expect("bug in anyhit: a program of no entry point of its module");
-        lower_reference(self, entry)
+        lower_reference(self, entry, Optimization::None)
+    }
+
+    /// Returns the program that the sanitizer observes: [`Program::unoptimized`], in which
+    /// operations whose results nothing reads trap and race like all others, and those of
+    /// specialization constants are executed where an instruction uses the constant.
+    ///
+    /// # Errors
+    /// As [`lower()`].
+    #[doc(hidden)]
+    pub fn for_sanitizer(&self) -> Result<Self> {
+        let is_this = |entry: &&EntryPoint| entry.stage == self.stage && entry.name == self.name;
+        let entry = self.module.entry_points.iter().find(is_this);
+        let entry = entry.expect("bug in anyhit: a program of no entry point of its module");
+        lower_reference(self, entry, Optimization::Sanitized)
     }
 
     /// Whether it has no output and no effect, and cannot trap.
@@ -465,7 +486,9 @@ impl Program {
         Some(format!("{extent}{name}{size}"))
     }
 
-    fn describe_texel(&self, accessed: &AccessFault) -> Option<String> {
+    /// Describes a texel outside its image.
+    #[doc(hidden)]
+    pub fn describe_texel(&self, accessed: &AccessFault) -> Option<String> {
         let words = |numbers: &mut dyn Iterator<Item = String>, between: &str| {
             numbers.collect::<Vec<_>>().join(between)
         };

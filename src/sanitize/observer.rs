@@ -3,16 +3,19 @@
 use crate::machine::{Batch, Bindings, Mask, Observer, OpIndex, ShaderIndex, ShadowRegisters};
 use crate::module::interface::Stage;
 use crate::ops::access::Access;
-use crate::ops::atomic::AtomicTarget;
-use crate::ops::debug_printf::{Argument, PrintScalar};
+use crate::ops::atomic::{AtomicKind, AtomicOp, AtomicTarget};
+use crate::ops::debug_printf::Argument;
 use crate::ops::op::Op;
 use crate::ops::ray_query::RayQueryOp;
 use crate::ops::ray_tracing::RayTracingOp;
 use crate::program::Terminator;
 use crate::sanitize::cause::OpPlace;
+use crate::sanitize::checks::bounds::TexelAccess;
+use crate::sanitize::checks::image_format::ImageAccess;
+use crate::sanitize::checks::lanes::workgroup_lanes;
 use crate::sanitize::checks::{
-    barrier, begin, births, bounds, call, contents, hit_object, image, kernel, memory, query, ray, shared,
-    stale, stop, subgroup, uniformity,
+    barrier, begin, births, bounds, call, contents, hit_object, image, image_format, kernel, memory, query,
+    ray, shared, stale, stop, subgroup, uniformity,
 };
 use crate::sanitize::plan::{Executed, ProgramPlan};
 use crate::sanitize::report::specials::SpecialSink;
@@ -168,7 +171,8 @@ impl Sanitizer<'_> {
             Op::Memory(op) => memory::check(self, batch, bindings, shadow, executed, op),
             Op::Image(operation) => {
                 image::check(self, batch, bindings, shadow, op, operation);
-                bounds::check_image(self, batch, bindings, op, operation);
+                image_format::check_image(self, batch, bindings, shadow, place, operation);
+                bounds::check_image(self, batch, bindings, shadow, place, operation);
                 contents::image(self, batch, bindings, shadow, place, operation);
                 if let Some(races) = self.races.as_mut().filter(|races| races.watches(place)) {
                     let found = races.access_image(batch, bindings, place, operation);
@@ -183,10 +187,18 @@ impl Sanitizer<'_> {
             Op::Atomic(atomic) => {
                 let mut accesses = |visit: &mut dyn FnMut(Access)| atomic.accesses(visit);
                 self.depend_on_reads(batch, shadow, op, Sink::Atomic, &mut accesses);
+                reach_memory(self, batch, shadow, op, atomic);
                 shared::atomic(self, batch, bindings, shadow, place, atomic);
                 match &atomic.target {
                     AtomicTarget::Buffer(chunk) => bounds::check_buffer(self, batch, bindings, op, chunk),
-                    AtomicTarget::Texel(texel) => bounds::check_texel(self, batch, bindings, op, texel),
+                    AtomicTarget::Texel(texel) => {
+                        let to = Some((atomic.to, atomic.words()));
+                        let access = TexelAccess { texel, to, writes: atomic.kind != AtomicKind::Load };
+                        bounds::check_texel(self, batch, bindings, shadow, place, access);
+                        let (view, handle) = (texel.view, texel.image);
+                        let access = ImageAccess { view, handle, to: None, does: "an atomic update of" };
+                        image_format::check(self, batch, bindings, shadow, place, access);
+                    }
                     AtomicTarget::Registers { .. } => {}
                 }
                 contents::atomic(self, batch, bindings, shadow, place, atomic);
@@ -197,13 +209,11 @@ impl Sanitizer<'_> {
             }
             Op::Print(print) => {
                 for argument in &*print.arguments {
-                    let Argument::Numbers { scalar, components } = argument else { continue };
+                    let Argument::Numbers { components, .. } = argument else { continue };
                     for &component in components {
                         self.depend(batch, shadow, op, component, Sink::Print);
-                        if *scalar == PrintScalar::Float(32) {
-                            let sink = SpecialSink::Print;
-                            births::reach(self, batch, shadow, op, component, batch.mask, sink);
-                        }
+                        let sink = SpecialSink::Print;
+                        births::reach(self, batch, shadow, op, component, batch.mask, sink);
                     }
                 }
             }
@@ -248,6 +258,30 @@ impl Sanitizer<'_> {
             stale::report_accepted(&mut shadow, &plan.stale, batch.registers.mask(accepted));
             batch.registers.shadow = Some(shadow);
         }
+    }
+}
+
+/// Reports a NaN or infinity that an atomic instruction writes to a buffer or an image.
+fn reach_memory<const W: usize>(
+    sanitizer: &mut Sanitizer<'_>,
+    batch: &Batch<W>,
+    shadow: &ShadowRegisters<W>,
+    op: OpIndex,
+    atomic: &AtomicOp,
+) {
+    let (lanes, sink) = match &atomic.target {
+        _ if atomic.kind == AtomicKind::Load => return,
+        AtomicTarget::Registers { .. } => return,
+        AtomicTarget::Buffer(chunk) => {
+            (batch.mask.without(workgroup_lanes(batch, chunk)), SpecialSink::Buffer)
+        }
+        AtomicTarget::Texel(texel) => {
+            let handle = batch.mask.lowest().map_or(0, |lane| batch.registers[texel.image].0[lane]);
+            (batch.mask, SpecialSink::Image(handle))
+        }
+    };
+    for word in 0..atomic.words() {
+        births::reach(sanitizer, batch, shadow, op, atomic.value.plus(word), lanes, sink);
     }
 }
 

@@ -15,7 +15,7 @@ use std::sync::Arc;
 use rspirv::spirv::{Op as Opcode, Scope};
 use rustc_hash::{FxHashMap, FxHashSet};
 
-use crate::machine::{BlockIndex, Reg};
+use crate::machine::{BlockIndex, OpIndex, Reg};
 use crate::module::{Id, Module};
 use crate::ops::memory::MemoryOp;
 use crate::ops::observed;
@@ -53,8 +53,7 @@ pub struct OpPlan {
     pub checks: Box<[OpenCheck]>,
     /// Bits of a scalar of the instruction's result, where `checks` need it.
     pub result_width: u32,
-    /// Whether an operation that compares floats is told of NaN, or one that stores them of NaN
-    /// and infinity.
+    /// Whether an operation that compares floats is told of NaN.
     pub watches_special: bool,
     /// Whether the shader declares that NaN and infinity are preserved in an operation's result.
     pub preserves_special: bool,
@@ -79,6 +78,8 @@ pub struct OpPlan {
     pub watched: Option<Watched>,
     /// The variable whose life begins.
     pub variable: Option<Id>,
+    /// The specialization constant that it computes.
+    pub constant: Option<Id>,
 }
 
 impl OpPlan {
@@ -152,7 +153,12 @@ impl ProgramPlan {
         let preserved = Preserved::of(program);
         let values = Values::of(&program.module);
         let counters = float_counters(&program.module);
-        let steps = program.ops.iter().zip(origins).map(|(op, origin)| {
+        let steps = program.ops.iter().zip(origins).enumerate().map(|(at, (op, origin))| {
+            if let Some(&word) = program.constant_operations.get(&OpIndex::new(at)) {
+                let instruction = InstructionWords::at(&program.module, word).computed_constant();
+                let step = step(&program.module, instruction, op, &constants, &preserved);
+                return OpPlan { constant: instruction.result(&program.module), ..step }.finished();
+            }
             let instruction = InstructionWords::at(&program.module, origin.offset);
             let uniformity = uniformity.of(op, instruction);
             let result = instruction.words.get(2).map(|&id| Id(id));
@@ -209,12 +215,18 @@ fn step(
             }
         }
         Op::Subgroup(subgroup) => {
-            OpPlan { inactive: inactive_rule(instruction.opcode, subgroup.kind), ..OpPlan::default() }
+            let preserves_special = match subgroup.kind {
+                SubgroupKind::Reduce { kernel, .. } => {
+                    preserved.specials(module, instruction, kernel.float_result)
+                }
+                _ => false,
+            };
+            let inactive = inactive_rule(instruction.opcode, subgroup.kind);
+            OpPlan { inactive, preserves_special, ..OpPlan::default() }
         }
         Op::Memory(MemoryOp::Undefine { .. }) => {
             OpPlan { variable: instruction.variable(), ..OpPlan::default() }
         }
-        Op::Memory(_) => OpPlan { watches_special: instruction.stores_floats(module), ..OpPlan::default() },
         _ => OpPlan::default(),
     }
 }

@@ -10,7 +10,13 @@ use crate::sanitize::rule::{Level, Rule, image, stop};
 impl Findings {
     /// Adds the error that ended the run, unless it is one of the inputs or of the system.
     pub fn add_stop(&mut self, error: &Error) {
+        self.add_stop_at_level(error, Level::Deny);
+    }
+
+    /// [`Findings::add_stop`], at another level than what is denied.
+    pub fn add_stop_at_level(&mut self, error: &Error, level: Level) {
         let Some(finding) = Finding::of_stop(error) else { return };
+        let finding = Finding { level, ..finding };
         let trap = error.trap();
         let rule = finding.rule;
         let place = trap.and_then(Trap::frame).map(|frame| (frame.shader, frame.word.unwrap_or(0)));
@@ -53,7 +59,7 @@ fn rule_of(trap: &Trap) -> &'static Rule {
         C::AddressMisaligned => &stop::ADDRESS_ALIGNED,
         C::AtomicMisaligned => &stop::ATOMIC_ALIGNED,
         C::DescriptorMissing => &stop::DESCRIPTOR_MISSING,
-        C::ImageOutOfBounds | C::ImageRowAbsent => &stop::IMAGE_BOUNDS,
+        C::ImageOutOfBounds | C::ImageRowAbsent => &stop::IMAGE_PART,
         C::ImageMismatch => &stop::IMAGE_VIEW_MATCH,
         C::SamplerMismatch => &image::SAMPLER_MATCH,
         C::Unreachable => &stop::UNREACHABLE,

@@ -56,12 +56,29 @@ impl Assembled {
     /// # Errors
     /// As [`lower()`].
     pub fn unoptimized(&self) -> Result<Self> {
-        let mut reference = Self { pipeline: self.pipeline.unoptimized()?, ..self.clone() };
+        self.lowered_again(Pipeline::unoptimized, Compute::unoptimized)
+    }
+
+    /// Returns the scene with the programs that the sanitizer observes; see
+    /// [`Program::for_sanitizer`].
+    ///
+    /// # Errors
+    /// As [`lower()`].
+    pub fn for_sanitizer(&self) -> Result<Self> {
+        self.lowered_again(Pipeline::for_sanitizer, Compute::for_sanitizer)
+    }
+
+    fn lowered_again(
+        &self,
+        lower_pipeline: impl Fn(&Pipeline) -> Result<Pipeline>,
+        lower_compute: impl Fn(&Compute) -> Result<Compute>,
+    ) -> Result<Self> {
+        let mut reference = Self { pipeline: lower_pipeline(&self.pipeline)?, ..self.clone() };
         for pipeline in &mut reference.pipelines {
-            *pipeline = pipeline.unoptimized()?;
+            *pipeline = lower_pipeline(pipeline)?;
         }
         for dispatch in &mut reference.dispatches {
-            dispatch.compute = dispatch.compute.unoptimized()?;
+            dispatch.compute = lower_compute(&dispatch.compute)?;
         }
         Ok(reference)
     }

@@ -25,9 +25,6 @@ pub(super) fn after<const W: usize>(
     bindings: &Bindings,
 ) {
     let Op::Image(ImageOp::Read(read)) = executed else { return };
-    if !bindings.is_robust() {
-        return;
-    }
     let Some(offset) = program.origins.get(op.index()).map(|origin| origin.offset) else { return };
     let place = u64::from(choices.shader.0) << 32 | u64::from(offset);
     for lane in batch.mask.lanes() {

@@ -50,7 +50,7 @@ impl ShaderTest {
     /// # Errors
     /// `Finding` for what it denies, all in one error; else as [`ShaderTest::run`].
     pub fn sanitize(&self) -> Result<Vec<Error>> {
-        let test = Self { program: Arc::new(self.program.unoptimized()?), ..self.clone() };
+        let test = Self { program: Arc::new(self.program.for_sanitizer()?), ..self.clone() };
         let (plans, levels) = ([ProgramPlan::new(&test.program)], Levels::default());
         let mut sanitizer = Sanitizer::new(&plans, &levels);
         let outcome = {

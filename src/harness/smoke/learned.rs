@@ -34,6 +34,8 @@ pub(super) struct Learned {
     pub geometry: Option<SmokeGeometry>,
     /// Whether it ran out of fuel: it has less of it from then on.
     pub is_spent: bool,
+    /// Whether no image is large enough for some access: those outside no longer trap.
+    pub leaves_images: bool,
     /// Instructions, by their word offset, for which no resource is large enough.
     hopeless: SortedSet<u32>,
     /// The instruction for which resources became larger last, and which did.
@@ -108,6 +110,9 @@ impl Learned {
             }
             _ => None,
         };
+        if trapped.code == TrapCode::ImageOutOfBounds && self.hopeless.contains(&trapped.offset) {
+            return !std::mem::replace(&mut self.leaves_images, true);
+        }
         if let Some(kind) = too_small.filter(|_| !self.hopeless.contains(&trapped.offset)) {
             let scale = kind.scale(&mut self.scale);
             if *scale < MOST_SCALE {
@@ -119,6 +124,10 @@ impl Learned {
             }
             *scale = 1;
             self.hopeless.insert(trapped.offset);
+            if trapped.code == TrapCode::ImageOutOfBounds {
+                self.mended = None;
+                return !std::mem::replace(&mut self.leaves_images, true);
+            }
         }
         let kind = match trapped.code {
             TrapCode::NotTriangle | TrapCode::RayQueryNotTriangle => Some(SmokeGeometry::Triangle),

@@ -162,7 +162,7 @@ impl EntryUnderTest<'_> {
                 self.check_unwatched(way, &one, values, &learned)?;
             }
             if self.options.sanitize {
-                let found = self.sanitized(way, program, &one, values, &learned)?;
+                let found = self.sanitized(way, program, &one, values, &mut learned)?;
                 progress.findings.extend(found);
             }
             dry = if reached(progress) > before || at < Set::fixed(specialized.len()) { 0 } else { dry + 1 };
@@ -245,7 +245,10 @@ impl EntryUnderTest<'_> {
     /// What it finds bound.
     fn given(&self, program: &Program, values: MadeUpValues, learned: &Learned) -> Result<Given> {
         let scene = || hits::scene(learned.geometry);
-        resources::given(program, &self.variables, values, &learned.known, self.images, &scene)
+        let mut given =
+            resources::given(program, &self.variables, values, &learned.known, self.images, &scene)?;
+        given.resources.traps_outside_images = !learned.leaves_images;
+        Ok(given)
     }
 
     /// Invocations of a launch along each axis: one alone, or as many as the shader tells apart.
@@ -313,34 +316,57 @@ impl EntryUnderTest<'_> {
         program: &Arc<Program>,
         tried: &Try,
         values: MadeUpValues,
-        learned: &Learned,
+        learned: &mut Learned,
     ) -> Result<Findings> {
         // What ends for want of fuel takes long enough.
         if learned.is_spent {
             return Ok(Findings::default());
         }
         // Results do not matter here, and lanes are compared side by side.
-        let program = &unordered(&Arc::new(program.unoptimized()?));
-        let given = self.given(program, values, learned)?;
-        let mut stand_in = StandIn::new(program, tried.set.numbers);
-        let (fuel, limits) = (self.options.fuel, self.options.launch_limits);
-        let run = Once {
-            way,
-            program,
-            given: &given,
-            set: tried.set,
-            launch_size: self.launch_size(way, tried.set.is_single),
-            fuel,
-            limits,
-        };
+        let program = &unordered(&Arc::new(program.for_sanitizer()?));
         // The inputs may be such that the shader never gets: nothing is denied.
         let mut levels = Levels::default();
         levels.set_all(Level::Warn);
         // The made-up samplers are of all kinds at once.
         levels.set(SAMPLER_MATCH.id, Level::Allow)?;
         let plans = [ProgramPlan::new(program)];
-        let mut sanitizer = Sanitizer::new(&plans, &levels);
-        run.run(&mut stand_in, &mut sanitizer)?;
-        Ok(sanitizer.into_findings().with_note("on made-up inputs"))
+        let (mut wide, mut fuel) = (values.wide, self.options.fuel);
+        loop {
+            let extent = FillExtent { scale: learned.scale, ..values.extent };
+            let values = MadeUpValues { wide, extent, ..values };
+            let given = match self.given(program, values, learned) {
+                Err(error) if error.kind() == ErrorKind::UnsupportedModule && learned.give_up_larger() => {
+                    continue;
+                }
+                given => given?,
+            };
+            let mut stand_in = StandIn::new(program, tried.set.numbers);
+            let run = Once {
+                way,
+                program,
+                given: &given,
+                set: tried.set,
+                launch_size: self.launch_size(way, tried.set.is_single),
+                fuel: self.options.fuel,
+                limits: self.options.launch_limits,
+            };
+            let mut sanitizer = Sanitizer::new(&plans, &levels);
+            let trapped = run.run(&mut stand_in, &mut sanitizer)?;
+            // Only what the optimizer eliminates traps here and nowhere else: it lacks the same
+            // memory.
+            let trapped = trapped.filter(|trap| tried.trapped.is_none() && !trap.code.is_limit());
+            let shader = UsedMemory { module: self.module, variables: &self.variables };
+            if let Some(trap) = &trapped
+                && learned.learn(shader, trap, &given, &mut wide, &mut fuel)
+            {
+                continue;
+            }
+            learned.mended = None;
+            let mut findings = sanitizer.into_findings();
+            if let Some(trap) = trapped {
+                findings.add_stop_at_level(&trap.error, Level::Warn);
+            }
+            return Ok(findings.with_note("on made-up inputs"));
+        }
     }
 }

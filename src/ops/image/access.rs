@@ -1,7 +1,8 @@
 //! Access to single texels by integer coordinates: `OpImageFetch`, `OpImageRead`, `OpImageWrite`,
 //! and the texel that `OpImageTexelPointer` gives to atomic instructions.
 //!
-//! A coordinate outside the image traps its lane (Vulkan, "Integer Texel Coordinate Validation").
+//! Outside the image a store has no effect and a read gives zeros
+//! ([`MemoryPolicy`](crate::machine::MemoryPolicy)).
 
 use rspirv::spirv::Op as Opcode;
 
@@ -45,7 +46,7 @@ impl TexelRead {
         match self.texel.resolve(reader) {
             Ok((image, index)) => Ok(image.format().decode(image.load(index))),
             // Zeros, with missing components of the format filled in (Vulkan, robustImageAccess2).
-            Err(TrapCode::ImageOutOfBounds) if self.texel.is_robust(reader) => {
+            Err(TrapCode::ImageOutOfBounds) if !self.texel.traps_outside(reader) => {
                 Ok(reader.image(self.texel.view, self.texel.image)?.format().decode(0))
             }
             Err(code) => Err(code),
@@ -81,7 +82,7 @@ impl TexelWrite {
     /// Runs it for a lane.
     pub fn eval<const W: usize>(&self, reader: LaneReader<'_, '_, W>) -> Result<(), TrapCode> {
         let (image, index) = match self.texel.resolve(reader) {
-            Err(TrapCode::ImageOutOfBounds) if self.texel.is_robust(reader) => return Ok(()),
+            Err(TrapCode::ImageOutOfBounds) if !self.texel.traps_outside(reader) => return Ok(()),
             found => found?,
         };
         let words = array::map(self.from, |reg| match (self.texel.view.wide, self.class) {
@@ -159,7 +160,7 @@ fn texel_ref(
     operands: &Operands,
 ) -> Result<TexelRef> {
     let id = translator.id(instruction, 0)?;
-    let view = view_of(translator, id)?;
+    let view = operands.view(view_of(translator, id)?);
     let image = translator.words(id)?[0];
     let coordinate = integer_coordinates(translator, instruction)?;
     new_texel_ref(translator, view, image, coordinate, operands)

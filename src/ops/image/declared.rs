@@ -122,5 +122,6 @@ fn view(translator: &Translator<'_>, image: &ImageType) -> Result<View> {
             "a Sampled Type of {width} bits (VUID-StandaloneSpirv-OpTypeImage-04656 has 32, and 64-bit integers)"
         )));
     }
-    Ok(View { dimension, multisampled: image.multisampled, class, wide: width == 64 })
+    let format = Format::declared(image.format);
+    Ok(View { dimension, multisampled: image.multisampled, class, wide: width == 64, format })
 }

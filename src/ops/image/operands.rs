@@ -9,6 +9,7 @@ use crate::module::{Id, Instruction};
 use crate::ops::conversion::{self, Conversion};
 use crate::ops::image::filter::Lod;
 use crate::ops::image::reader::LaneReader;
+use crate::ops::image::view::View;
 use crate::ops::integer_operand::ReadAs;
 use crate::ops::translate::Translator;
 use crate::ops::value_registers::Words;
@@ -53,6 +54,11 @@ pub struct Operands {
 }
 
 impl Operands {
+    /// Returns the view that an instruction with these operands has of an image.
+    pub fn view(&self, declared: View) -> View {
+        View { class: self.class.unwrap_or(declared.class), ..declared }
+    }
+
     /// Reads the operands, starting with the mask at operand `at`; `implicit` says whether the
     /// instruction has an implicit level of detail.
     ///

@@ -59,9 +59,9 @@ impl TexelRef {
         Ok((image, image.index(&position).ok_or_else(outside)?))
     }
 
-    /// Whether an access outside the image does not trap.
-    pub fn is_robust<const W: usize>(&self, reader: LaneReader<'_, '_, W>) -> bool {
-        reader.bindings.is_robust() || reader.image(self.view, self.image).is_ok_and(Image::is_null)
+    /// Returns whether an access outside the image traps.
+    pub fn traps_outside<const W: usize>(&self, reader: LaneReader<'_, '_, W>) -> bool {
+        reader.bindings.traps_outside_images && !reader.image(self.view, self.image).is_ok_and(Image::is_null)
     }
 
     /// The coordinates with the offset added; layers and faces have no offset.
@@ -77,11 +77,17 @@ impl TexelRef {
     /// Stores the coordinates of the lane, for the report of its trap.
     #[cold]
     pub fn record_fault<const W: usize>(&self, batch: &mut Batch<W>, lane: usize, bindings: &Bindings) {
-        let reader = LaneReader::new(&batch.registers, lane, bindings);
+        let fault = self.fault(LaneReader::new(&batch.registers, lane, bindings));
+        batch.record_access_fault(lane, fault);
+    }
+
+    /// Returns the coordinates of a lane, and the image that they are outside of.
+    #[cold]
+    pub fn fault<const W: usize>(&self, reader: LaneReader<'_, '_, W>) -> AccessFault {
         let handle = reader.word(self.image);
         let axes = self.view.dimension.axes();
-        let fault = match self.view.image(bindings, handle) {
-            Err(_) => self.view.fault(bindings, handle),
+        match self.view.image(reader.bindings, handle) {
+            Err(_) => self.view.fault(reader.bindings, handle),
             Ok(image) => {
                 let shape = image.shape();
                 let level = self.level.map_or(0, |reg| reader.word(reg));
@@ -95,8 +101,7 @@ impl TexelRef {
                     sample: [self.sample.map_or(0, |reg| reader.word(reg)), shape.samples],
                 }
             }
-        };
-        batch.record_access_fault(lane, fault);
+        }
     }
 
     /// Does what [`TexelRef::resolve`] does for atomic instructions: the texel must have the size

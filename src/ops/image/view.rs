@@ -1,7 +1,7 @@
 //! The image type that a shader declares, and the image that is bound to it.
 
 use crate::error::Result;
-use crate::machine::format::Class;
+use crate::machine::format::{Class, Format};
 use crate::machine::image::{Dimension, Image};
 use crate::machine::{AccessFault, Bindings, Descriptor, TrapCode};
 use crate::module::ty::ImageType;
@@ -18,6 +18,8 @@ pub struct View {
     pub class: Class,
     /// Whether `Sampled Type` has 64 bits.
     pub wide: bool,
+    /// `Image Format`; `None` for `Unknown`.
+    pub format: Option<Format>,
 }
 
 impl View {
@@ -66,6 +68,17 @@ impl View {
         }
     }
 
+    /// Returns how an image view of a format contradicts the declaration, in words for both; `None`
+    /// where they agree (Vulkan, "Texel Format Validation" and "Texel Type Validation").
+    pub fn contradiction(self, bound: Format) -> Option<[String; 2]> {
+        if let Some(declared) = self.format.filter(|&declared| declared != bound) {
+            return Some([declared, bound].map(|format| format!("the format {}", format.name())));
+        }
+        let differs = self.class != bound.class() || self.wide != bound.is_wide();
+        let kinds = [(self.class, self.wide), (bound.class(), bound.is_wide())];
+        differs.then(|| kinds.map(|(class, wide)| numbers(class, wide).to_owned()))
+    }
+
     fn is_compatible(self, image: &Image) -> bool {
         let (shape, format) = (image.shape(), image.format());
         shape.dimension == self.dimension
@@ -89,15 +102,19 @@ fn describe(dimension: Dimension, multisampled: bool, class: Class, wide: bool) 
     };
     let article = if dimension == Dimension::CubeArray { "an" } else { "a" };
     let samples = if multisampled { ", multisampled," } else { "" };
-    let texels = match (class, wide) {
+    format!("{article} {shape}{samples} of {}", numbers(class, wide))
+}
+
+/// The numbers of texels in words.
+fn numbers(class: Class, wide: bool) -> &'static str {
+    match (class, wide) {
         (Class::Float, false) => "floats",
         (Class::Float, true) => "64-bit floats",
         (Class::Sint, false) => "signed integers",
         (Class::Uint, false) => "unsigned integers",
         (Class::Sint, true) => "signed 64-bit integers",
         (Class::Uint, true) => "unsigned 64-bit integers",
-    };
-    format!("{article} {shape}{samples} of {texels}")
+    }
 }
 
 /// The dimension of an image type (`Dim` and `Arrayed`); `None` where no image has it.
@@ -118,6 +135,34 @@ pub fn dimension(image: &ImageType) -> Option<Dimension> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::machine::format::Component;
+
+    /// Vulkan, "Compatibility Between SPIR-V Image Formats and Vulkan Formats": one format each.
+    /// VUID-vkCmdDispatch-format-07753: the numeric types are the same.
+    #[test]
+    fn a_view_has_the_declared_format_and_type_of_numbers() {
+        let view = |class, format| View {
+            dimension: Dimension::D2,
+            multisampled: false,
+            class,
+            wide: false,
+            format,
+        };
+        let [r32f, rgba8] = [Format::new(Component::Float32, 1), Format::new(Component::Unorm8, 4)];
+        let [r32i, r32ui] = [Component::Sint32, Component::Uint32].map(|component| Format::new(component, 1));
+        let r64ui = Format::new(Component::Uint64, 1);
+        let words = |one: &str, other: &str| Some([one.to_owned(), other.to_owned()]);
+        assert_eq!(view(Class::Float, Some(r32f)).contradiction(r32f), None);
+        assert_eq!(view(Class::Float, None).contradiction(rgba8), None);
+        let formats = words("the format r32f", "the format rgba8");
+        assert_eq!(view(Class::Float, Some(r32f)).contradiction(rgba8), formats);
+        let numbers = words("unsigned integers", "signed integers");
+        assert_eq!(view(Class::Uint, None).contradiction(r32i), numbers);
+        assert_eq!(view(Class::Uint, None).contradiction(r32ui), None);
+        let widths = words("unsigned 64-bit integers", "unsigned integers");
+        assert_eq!(View { wide: true, ..view(Class::Uint, None) }.contradiction(r32ui), widths);
+        assert_eq!(View { wide: true, ..view(Class::Uint, Some(r64ui)) }.contradiction(r64ui), None);
+    }
 
     #[test]
     fn kinds_of_images_are_told_in_words() {

@@ -1,15 +1,16 @@
 //! Values that go beyond an array, and accesses that only robustness keeps inside.
 
-use crate::machine::{Batch, Bindings, Mask, OpIndex, Reg};
+use crate::machine::{Batch, Bindings, Mask, NO_CAUSE, OpIndex, Reg, ShadowRegisters};
 use crate::ops::image::ImageOp;
 use crate::ops::image::reader::LaneReader;
 use crate::ops::image::texel_ref::TexelRef;
 use crate::ops::memory::{BufferRef, Chunk, Length, MemoryOp, OUT_OF_BOUNDS, access_location};
 use crate::ops::op::Op;
 use crate::program::Program;
+use crate::sanitize::cause::{Cause, CauseDetails, OpPlace};
 use crate::sanitize::checks::lanes::workgroup_lanes;
 use crate::sanitize::plan::Watched;
-use crate::sanitize::rule::memory;
+use crate::sanitize::rule::{image, memory};
 use crate::sanitize::sanitizer::Sanitizer;
 
 /// A kernel has run whose operands are watched.
@@ -156,42 +157,80 @@ fn declared_index<const W: usize>(
     (index >= length).then_some((index, length))
 }
 
-/// An image operation has run, which robustness may have kept inside its image.
+/// An image operation has run, which may have been outside its image.
 pub(in crate::sanitize) fn check_image<const W: usize>(
     sanitizer: &mut Sanitizer<'_>,
     batch: &Batch<W>,
     bindings: &Bindings,
-    op: OpIndex,
+    shadow: &mut ShadowRegisters<W>,
+    place: OpPlace,
     image: &ImageOp,
 ) {
     match image {
-        ImageOp::Read(read) => check_texel(sanitizer, batch, bindings, op, &read.texel),
-        ImageOp::Write(write) => check_texel(sanitizer, batch, bindings, op, &write.texel),
+        ImageOp::Read(read) => {
+            let access = TexelAccess {
+                texel: &read.texel,
+                to: Some((read.to.to, read.to.registers())),
+                writes: false,
+            };
+            check_texel(sanitizer, batch, bindings, shadow, place, access);
+        }
+        ImageOp::Write(write) => {
+            let access = TexelAccess { texel: &write.texel, to: None, writes: true };
+            check_texel(sanitizer, batch, bindings, shadow, place, access);
+        }
         _ => {}
     }
 }
 
-/// An access to a texel has run.
+/// An access to a texel.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::sanitize) struct TexelAccess<'a> {
+    pub texel: &'a TexelRef,
+    /// The first register of what is read, and how many there are.
+    pub to: Option<(Reg, u32)>,
+    pub writes: bool,
+}
+
+/// An access to a texel has run: outside its image what is read is undefined, and a write has no
+/// effect.
 pub(in crate::sanitize) fn check_texel<const W: usize>(
     sanitizer: &mut Sanitizer<'_>,
     batch: &Batch<W>,
     bindings: &Bindings,
-    op: OpIndex,
-    texel: &TexelRef,
+    shadow: &mut ShadowRegisters<W>,
+    place: OpPlace,
+    access: TexelAccess<'_>,
 ) {
-    if !bindings.is_robust() {
-        return;
-    }
+    let TexelAccess { texel, to, writes } = access;
+    let Some((_, plan)) = sanitizer.plan() else { return };
     for lane in batch.mask.lanes() {
         let reader = LaneReader::new(&batch.registers, lane, bindings);
         let is_null = || reader.image(texel.view, texel.image).is_ok_and(|image| image.is_null());
         if texel.resolve(reader).is_ok() || is_null() {
             continue;
         }
-        let handle = reader.word(texel.image);
-        sanitizer.tell_of_program(batch, &memory::ROBUST_MASK, op, Mask::lane(lane), |program| {
-            let name = program.describe_descriptor(handle).unwrap_or_else(|| "an image".to_owned());
-            format!("robust access masks a texel outside {name}")
-        });
+        let outside = || {
+            let described = plan.program.describe_texel(&texel.fault(reader));
+            described.unwrap_or_else(|| "a texel outside its image".to_owned())
+        };
+        if bindings.is_robust() {
+            sanitizer.tell(batch, &memory::ROBUST_MASK, place.op, Mask::lane(lane), |_| {
+                format!("robust access masks {}", outside())
+            });
+            continue;
+        }
+        if writes {
+            sanitizer.tell(batch, &image::IMAGE_WRITE_BOUNDS, place.op, Mask::lane(lane), |_| {
+                format!("a write to {}, has no effect", outside())
+            });
+        }
+        if let Some((first, count)) = to {
+            let rule = &image::IMAGE_READ_BOUNDS;
+            let number = sanitizer.cause(Cause::Broken { place, rule: rule.id }, || {
+                Some(CauseDetails { rule, message: format!("a read of {}", outside()), operand: NO_CAUSE })
+            });
+            shadow.undefine_span(first, count, Mask::lane(lane), number);
+        }
     }
 }

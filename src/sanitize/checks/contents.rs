@@ -66,21 +66,21 @@ pub(in crate::sanitize) fn atomic<const W: usize>(
     match &op.target {
         AtomicTarget::Buffer(chunk) => {
             let lanes = buffer_lanes(sanitizer, batch, chunk);
-            follow(sanitizer, batch, shadow, place, op, lanes, |sanitizer, lane, writes| {
+            follow(sanitizer, batch, shadow, place, op, lanes, |sanitizer, lane, written| {
                 let (buffer, offset) = access_location(batch, lane, bindings, chunk)?;
                 let found = sanitizer.unwritten.byte(buffer, offset, width);
-                if writes {
+                if written.is_some() {
                     sanitizer.unwritten.write_bytes(buffer, offset, width);
                 }
                 found.map(|part| sanitizer.unwritten_cause(&memory::UNINIT_BUFFER, place, part))
             });
         }
         AtomicTarget::Texel(texel) if sanitizer.unwritten.has_images() => {
-            follow(sanitizer, batch, shadow, place, op, batch.mask, |sanitizer, lane, writes| {
+            follow(sanitizer, batch, shadow, place, op, batch.mask, |sanitizer, lane, written| {
                 let reader = LaneReader::new(&batch.registers, lane, bindings);
                 let (image, index) = texel.resolve(reader).ok()?;
                 let found = sanitizer.unwritten.texel(image, index);
-                if writes {
+                if written.is_some() {
                     sanitizer.write_texel(image, index, place);
                 }
                 found.map(|part| sanitizer.unwritten_cause(&memory::UNINIT_IMAGE, place, part))

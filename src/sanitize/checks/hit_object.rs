@@ -11,9 +11,11 @@ use crate::ops::op::Op;
 use crate::ops::pointer::storage;
 use crate::ops::ray_tracing::RayTracingOp;
 use crate::program::Program;
+use crate::sanitize::checks::births;
 use crate::sanitize::interface_types::scalars;
 use crate::sanitize::plan::InstructionWords;
 use crate::sanitize::report::Sink;
+use crate::sanitize::report::specials::SpecialSink;
 use crate::sanitize::rule::{Rule, hit_object};
 use crate::sanitize::sanitizer::Sanitizer;
 
@@ -42,6 +44,10 @@ pub(in crate::sanitize) fn check<const W: usize>(
         HitObjectOp::RecordHit { object, attributes, .. } => {
             check_kind(sanitizer, batch, op, object);
             sanitizer.depend_on_all(batch, shadow, op, attributes.first, attributes.count, Sink::HitObject);
+            for word in 0..attributes.count {
+                let (register, sink) = (attributes.first.plus(word), SpecialSink::Attributes);
+                births::reach(sanitizer, batch, shadow, op, register, batch.mask, sink);
+            }
         }
         HitObjectOp::RecordFromQuery { object, attributes, hit_kind, .. } => {
             check_kind(sanitizer, batch, op, object);

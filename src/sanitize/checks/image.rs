@@ -76,11 +76,9 @@ fn check_write<const W: usize>(
     }
     for &register in write.from.iter().take(channels.into()) {
         sanitizer.depend(batch, shadow, op, register, Sink::Image);
-        if write.is_float() {
-            let handle = batch.mask.lowest().map_or(0, |lane| batch.registers[write.texel.image].0[lane]);
-            let sink = SpecialSink::Image(handle);
-            births::reach(sanitizer, batch, shadow, op, register, batch.mask, sink);
-        }
+        let handle = batch.mask.lowest().map_or(0, |lane| batch.registers[write.texel.image].0[lane]);
+        let sink = SpecialSink::Image(handle);
+        births::reach(sanitizer, batch, shadow, op, register, batch.mask, sink);
     }
 }
 
@@ -208,7 +206,13 @@ mod tests {
     use crate::ops::image::view::View;
 
     fn sample() -> SampleOp {
-        let view = View { dimension: Dimension::D2, multisampled: false, class: Class::Float, wide: false };
+        let view = View {
+            dimension: Dimension::D2,
+            multisampled: false,
+            class: Class::Float,
+            wide: false,
+            format: None,
+        };
         SampleOp {
             to: TexelRegisters { to: Reg(0), count: 4, wide: false },
             kind: SampleKind::Filter,

@@ -34,7 +34,8 @@ pub(in crate::sanitize) fn check<const W: usize>(
     }
     match step.specials {
         Specials::Born => births::note(sanitizer, batch, shadow, executed, kernel, to, from),
-        Specials::Inherited if clean => {}
+        Specials::Inherited | Specials::Carried if clean => {}
+        Specials::Carried => births::carry(batch, shadow, kernel, to, from),
         Specials::Inherited if step.flow == Flow::Select => births::select(batch, shadow, to, from),
         Specials::Inherited => births::note(sanitizer, batch, shadow, executed, kernel, to, from),
         Specials::None => {}
@@ -127,6 +128,16 @@ fn check_operands<const W: usize>(
     let broken = Mask::from_fn(|lane| suspects.contains(lane) && (check.breaks)(&operands(lane)));
     let Some(lane) = broken.lowest() else { return };
     let operand = special_operand(registers, shadow, kernel, from, lane);
+    if let Some(constant) = step.constant {
+        let Some((_, plan)) = sanitizer.plan() else { return };
+        let name = plan.program.module.name(constant).filter(|name| !name.is_empty());
+        let constant = name.map_or("a specialization constant".to_owned(), |name| {
+            format!("the specialization constant `{name}`")
+        });
+        let message = format!("{}, in {constant}", (check.message)(&operands(lane)));
+        sanitizer.reporter(batch).broken_by(check.rule, place.op, broken, message, operand);
+        return;
+    }
     match check.rule.kind {
         RuleKind::UndefinedValue => {
             let cause = Cause::Broken { place, rule: check.rule.id };

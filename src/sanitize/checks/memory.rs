@@ -51,7 +51,7 @@ pub(in crate::sanitize) fn check<const W: usize>(
         }
         MemoryOp::BufferLoad { to, ref chunk } => load(sanitizer, batch, bindings, shadow, place, to, chunk),
         MemoryOp::BufferStore { from, ref chunk } => {
-            store(sanitizer, batch, bindings, shadow, executed, from, chunk);
+            store(sanitizer, batch, bindings, shadow, place, from, chunk);
         }
         MemoryOp::ArrayLength { to, .. } => shadow.define(to),
     }
@@ -85,11 +85,10 @@ fn store<const W: usize>(
     batch: &Batch<W>,
     bindings: &Bindings,
     shadow: &mut ShadowRegisters<W>,
-    executed: Executed<'_>,
+    place: OpPlace,
     from: Reg,
     chunk: &Chunk,
 ) {
-    let Executed { place, step } = executed;
     depend_on_location(sanitizer, batch, shadow, place.op, chunk);
     let lanes = workgroup_lanes(batch, chunk);
     let store = SharedAccess { chunk, registers: from, lanes };
@@ -104,9 +103,7 @@ fn store<const W: usize>(
     for word in 0..chunk.count {
         let register = from.plus(word);
         sanitizer.depend_in(batch, shadow, place.op, register, Sink::Buffer, lanes);
-        if step.watches_special {
-            births::reach(sanitizer, batch, shadow, place.op, register, lanes, SpecialSink::Buffer);
-        }
+        births::reach(sanitizer, batch, shadow, place.op, register, lanes, SpecialSink::Buffer);
     }
 }
 

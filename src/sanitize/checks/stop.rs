@@ -81,4 +81,8 @@ fn depend_on_attributes<const W: usize>(
     let Some((_, plan)) = sanitizer.plan() else { return };
     let Some(registers) = plan.program.interface_registers(storage::HIT_ATTRIBUTE) else { return };
     sanitizer.depend_on_all(batch, shadow, op, registers.first, registers.count, Sink::Report);
+    for word in 0..registers.count {
+        let (register, sink) = (registers.first.plus(word), SpecialSink::Attributes);
+        births::reach(sanitizer, batch, shadow, op, register, batch.mask, sink);
+    }
 }

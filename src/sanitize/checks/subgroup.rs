@@ -6,6 +6,7 @@ use crate::machine::stop::RegSpan;
 use crate::machine::{Batch, Mask, NO_CAUSE, ShadowRegisters};
 use crate::ops::subgroup::{BallotCount, Members, ReadSource, SubgroupKind, SubgroupOp, subgroups};
 use crate::sanitize::cause::{Cause, CauseDetails, OpPlace};
+use crate::sanitize::checks::births;
 use crate::sanitize::plan::Executed;
 use crate::sanitize::report::Sink;
 use crate::sanitize::rule::{Rule, subgroup};
@@ -58,6 +59,9 @@ pub(in crate::sanitize) fn check<const W: usize>(
             });
         }
         SubgroupKind::BallotCount(_) => spread_ballot(batch, shadow, op),
+        SubgroupKind::Reduce { kernel, .. } => {
+            births::reduce(sanitizer, batch, shadow, executed, kernel, [op.to, op.value]);
+        }
         _ => {}
     }
 }
@@ -125,6 +129,9 @@ fn read<const W: usize>(
                 let number = shadow.cause(value, source);
                 shadow.undefine(to, Mask::lane(lane), number);
                 seen = seen | Mask::lane(lane);
+            } else if shadow.caused(value).contains(source) {
+                let number = shadow.cause(value, source);
+                shadow.set_cause(to, Mask::lane(lane), number);
             }
         }
     }

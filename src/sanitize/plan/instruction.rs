@@ -24,6 +24,12 @@ impl<'m> InstructionWords<'m> {
         Self { opcode, words: words.get(..count).unwrap_or_default() }
     }
 
+    /// Of an `OpSpecConstantOp`, the instruction with the opcode of its operation, which follows
+    /// the result and precedes the operands.
+    pub(super) fn computed_constant(self) -> Self {
+        Self { opcode: self.words.get(3).and_then(|&opcode| Opcode::from_u32(opcode)), ..self }
+    }
+
     /// The instruction, where checks can be about it.
     pub(super) fn known(&self, module: &Module) -> Option<CheckedInstruction> {
         match (self.opcode?, self.words) {
@@ -61,16 +67,6 @@ impl<'m> InstructionWords<'m> {
         let ty = self.words.get(1).and_then(|&ty| module.type_with_id(Id(ty)));
         ty.map_or(0, |ty| scalar_width(module, ty))
     }
-
-    /// Whether it is a store of floats alone.
-    pub(super) fn stores_floats(&self, module: &Module) -> bool {
-        match (self.opcode, self.words) {
-            (Some(Opcode::Store), &[_, _, object, ..]) => {
-                module.type_of(Id(object)).is_some_and(|ty| is_float(module, ty))
-            }
-            _ => false,
-        }
-    }
 }
 
 /// Bits of a scalar of a type; 0 where it has none.
@@ -79,16 +75,5 @@ pub(super) fn scalar_width(module: &Module, ty: TypeId) -> u32 {
         Type::Int { width, .. } | Type::Float { width, .. } => width,
         Type::Vector { component, .. } => scalar_width(module, component),
         _ => 0,
-    }
-}
-
-/// Whether a type holds floats of 32 bits alone.
-fn is_float(module: &Module, ty: TypeId) -> bool {
-    match *module.ty(ty) {
-        Type::Float { width, encoding } => width == 32 && encoding.is_none(),
-        Type::Vector { component: part, .. } | Type::Matrix { column: part, .. } => is_float(module, part),
-        Type::Array { element, .. } => is_float(module, element),
-        Type::Struct { ref members, .. } => members.iter().all(|member| is_float(module, member.ty)),
-        _ => false,
     }
 }

@@ -20,6 +20,8 @@ pub(in crate::sanitize) enum SpecialSink {
     Image(u32),
     /// `debugPrintfEXT`.
     Print,
+    /// The attributes of a reported or recorded hit.
+    Attributes,
     /// An operand of a trace or ray query, by its name.
     Ray(&'static str),
     /// An operand of an image instruction, by its name.
@@ -108,6 +110,7 @@ impl<const W: usize> Reporter<'_, W> {
                 format!("is written to {}", image.unwrap_or_else(|| "an image".into()))
             }
             SpecialSink::Print => "is printed".into(),
+            SpecialSink::Attributes => "is in the attributes of a hit".into(),
             SpecialSink::Ray(operand) => format!("is in the {operand} of a ray"),
             SpecialSink::Sample(operand) => format!("is {operand} of an image access"),
         }

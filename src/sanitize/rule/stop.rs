@@ -30,10 +30,10 @@ rules! {
         "A descriptor that is used is bound, and of the kind that the shader declares."
         "Vulkan, \"Descriptor Sets\""
         "bind it in the scene, or do not use it where the resource is not there"
-    IMAGE_BOUNDS "image-read-bounds" UndefinedBehavior
-        "The coordinates, layer, sample and level of a texel are inside its image."
-        "Vulkan, \"Integer Texel Coordinate Validation\""
-        "clamp the coordinates, or compare them with imageSize or textureSize"
+    IMAGE_PART "image-part" UndefinedBehavior
+        "A level whose size is asked for, and a block that is matched, are in the image, as are rows in a share of it."
+        "Vulkan, \"Image Query Instructions\"; VK_QCOM_image_processing, \"Block Matching\""
+        "compare the level with textureQueryLevels, and the block with textureSize"
     IMAGE_VIEW_MATCH "image-view-match" UndefinedBehavior
         "An image has the dimension, sample count and component type that the shader declares."
         "Vulkan, \"Instruction/Sampler/Image View Validation\""
