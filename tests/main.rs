@@ -32,6 +32,8 @@ mod driver_golden;
 #[cfg(feature = "stress")]
 mod exact_intersections;
 mod examples;
+#[cfg(feature = "wgsl")]
+mod explanations;
 mod expressions;
 mod file_circles;
 mod first_tests;

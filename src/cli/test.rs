@@ -17,7 +17,7 @@ use crate::debug::shell;
 use crate::error::{Error, ErrorKind, Result};
 use crate::harness::init;
 use crate::harness::shares::{Shard, ShareResults, Timings, fingerprint};
-use crate::harness::suite::{Suite, SuiteOptions, SuiteResult, SuiteWhole, report};
+use crate::harness::suite::{EXPLAINED_LINES, Suite, SuiteOptions, SuiteResult, SuiteWhole, report};
 use crate::input::{InputLimit, InputLimits, RootFolder, read_argument};
 use crate::machine::LaunchLimits;
 use crate::sanitize::formats;
@@ -88,9 +88,13 @@ pub(super) struct TestArgs {
     /// Where pictures that differ are saved [default: a folder among the system's temporary files]
     #[arg(long, value_name = "DIR")]
     pictures: Option<PathBuf>,
-    /// Leave out the explanations of rays beneath failures
+    /// Leave out the explanations of rays and invocations beneath failures
     #[arg(long)]
     no_explanation: bool,
+    /// In explanations, show at most the last N lines of each any-hit or intersection shader that
+    /// decided
+    #[arg(long, value_name = "N", default_value_t = EXPLAINED_LINES)]
+    explain_lines: usize,
     /// Write a first case for modules: PATH... are their files, and last the folder to make
     #[arg(long, conflicts_with_all = ["filter", "list", "bless", "shard", "result", "junit", "coverage"])]
     init: bool,
@@ -204,6 +208,9 @@ fn whole(
     if let Some(perturbation) = &perturbation {
         options.push(format!("--tolerance {}", perturbation.tolerance));
     }
+    if args.explain_lines != EXPLAINED_LINES {
+        options.push(format!("--explain-lines {}", args.explain_lines));
+    }
     let limits = format!("{:?}", args.limits.limits(LaunchLimits::TESTS));
     options.push(format!("limits {}", fingerprint([limits.as_str()].into_iter())));
     if let Some(known) = known {
@@ -245,6 +252,7 @@ fn execute(args: &TestArgs, suite: &Suite, known: Option<String>) -> Result<Suit
         known,
         becomes_baseline: args.sanitize.baseline_to_write().is_some(),
         no_explanation: args.no_explanation,
+        explained_lines: args.explain_lines,
         colour,
         limits: args.limits.limits(LaunchLimits::TESTS),
         pictures: args.pictures.clone().unwrap_or_else(|| std::env::temp_dir().join("anyhit-test")),
@@ -280,6 +288,15 @@ fn init_case(args: &TestArgs) -> Result<()> {
     let folder = match &paths[modules.len()..] {
         [] => modules.first().and_then(|module| module.parent()).map(|parent| parent.join("case")),
         [folder] => Some(folder.clone()),
+        // The folder stands before a module.
+        [folder, rest @ ..] if rest.iter().any(|path| path.is_file()) => {
+            let files = modules.iter().chain(rest.iter().filter(|path| path.is_file()));
+            let words = files.chain([folder]).map(|path| shell::word(&path.display().to_string()));
+            let message = format!("`{}` is no module", folder.display());
+            let command = format!("anyhit test --init {}", words.collect::<Vec<_>>().join(" "));
+            return Err(Error::new(ErrorKind::InvalidArgument, message)
+                .note(format!("the folder to make stands last; did you mean `{command}`?")));
+        }
         [missing, ..] => {
             let error = std::io::Error::from(std::io::ErrorKind::NotFound);
             return Err(Error::io(missing, error));

@@ -2,7 +2,7 @@
 
 use std::io::{IsTerminal, stdout};
 use std::mem::ManuallyDrop;
-use std::path::{Component, Path, PathBuf};
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 
@@ -23,6 +23,7 @@ use crate::debug::command;
 use crate::debug::debugger::Debugger;
 use crate::debug::render::{self, RenderOptions};
 use crate::debug::session::{ExplainRequest, Session};
+use crate::debug::source_text;
 use crate::error::{Error, ErrorKind, Result};
 use crate::geometry::Precision;
 use crate::geometry::Ray;
@@ -176,7 +177,7 @@ fn trace(args: TraceOneRayArgs) -> Result<Option<Error>> {
     }
     let (transcript, trap) = args.explain(&session, &request, args.scene.as_deref())?;
     args.page.draw(&session, &transcript)?;
-    let options = RenderOptions { colour, all: args.all, summary: true };
+    let options = RenderOptions { colour, all: args.all, summary: true, ..RenderOptions::default() };
     let filter = args.page.filter();
     if args.json {
         let json = serde_json::to_string_pretty(&transcript)
@@ -331,16 +332,7 @@ impl TraceOneRayArgs {
 /// scene's or one above it, and for the scene that is part of the program from there alone.
 fn source_text(scene: Option<&Path>, name: &str) -> Option<String> {
     let Some(scene) = scene else { return String::from_utf8(demo::FILES.read(Path::new(name)).ok()?).ok() };
-    // A module may name any file: only those below these folders are read.
-    let is_below = |component: Component<'_>| matches!(component, Component::Normal(_) | Component::CurDir);
-    if !Path::new(name).components().all(is_below) {
-        return None;
-    }
-    let mut folders = std::iter::once(Path::new("")).chain(scene.ancestors().skip(1));
-    folders.find_map(|folder| {
-        let bytes = DiskFiles.read(&folder.join(name)).ok()?;
-        String::from_utf8(bytes).ok()
-    })
+    source_text::source_text(scene, name, &mut |path| DiskFiles.read(path).ok())
 }
 
 /// A whole number, decimal or with `0x` or `0b`.

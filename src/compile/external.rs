@@ -2,8 +2,9 @@
 
 use std::env;
 use std::fs;
+use std::io;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::{Command, ExitStatus, Output};
 use std::time::UNIX_EPOCH;
 
 use super::{CompilerFlags, Source};
@@ -143,10 +144,72 @@ impl Workspace {
         run(command.current_dir(&self.folder))
     }
 
-    /// The module that a compiler wrote; if there is none, the error has what the compiler printed.
-    pub(super) fn module(&self, printed: String) -> Result<Vec<u8>> {
-        fs::read(self.output()).map_err(|error| Error::io(self.output(), error).note(printed))
+    /// The module that a compiler wrote, which ended without an error; if there is none, the error
+    /// has what the compiler printed.
+    ///
+    /// # Errors
+    /// `UnsupportedTool` where the file is missing or empty, `Io` where it cannot be read.
+    pub(super) fn module(&self, tool: &Tool, source: &Source, printed: &str) -> Result<Vec<u8>> {
+        match fs::read(self.output()) {
+            Ok(module) if !module.is_empty() => Ok(module),
+            Err(error) if error.kind() != io::ErrorKind::NotFound => Err(Error::io(self.output(), error)),
+            _ => Err(tool.failed(source, "ended without an error and wrote no module", printed)),
+        }
     }
+}
+
+impl Tool {
+    /// Returns the error of a run that ended in a way that is no verdict on the source: by a
+    /// signal, or without a word; `None` where the compiler has said what is wrong.
+    pub(super) fn crash(&self, source: &Source, output: &Output) -> Option<Error> {
+        let printed = printed(output);
+        let ended = if let Some(signal) = signal(output.status) {
+            format!("was ended by signal {signal}")
+        } else if !output.status.success() && printed.trim().is_empty() {
+            match output.status.code() {
+                Some(code) => format!("ended with exit code {code} and printed nothing"),
+                None => "failed and printed nothing".to_owned(),
+            }
+        } else {
+            return None;
+        };
+        Some(self.failed(source, &ended, &printed))
+    }
+
+    fn failed(&self, source: &Source, how: &str, printed: &str) -> Error {
+        let message = format!("{}: the compiler `{}` {how}", source.name(), self.name());
+        let error = Error::new(ErrorKind::UnsupportedTool, message);
+        match printed.trim() {
+            "" => error,
+            printed => error.note(format!("it printed: {printed}")),
+        }
+    }
+}
+
+/// The signal that ended a program, with its name where that is common.
+#[cfg(unix)]
+fn signal(status: ExitStatus) -> Option<String> {
+    use std::os::unix::process::ExitStatusExt;
+    const NAMES: [(i32, &str); 9] = [
+        (4, "SIGILL"),
+        (5, "SIGTRAP"),
+        (6, "SIGABRT"),
+        (8, "SIGFPE"),
+        (9, "SIGKILL"),
+        (11, "SIGSEGV"),
+        (13, "SIGPIPE"),
+        (15, "SIGTERM"),
+        (24, "SIGXCPU"),
+    ];
+    let number = status.signal()?;
+    let name = NAMES.iter().find(|(known, _)| *known == number);
+    Some(name.map_or_else(|| number.to_string(), |(_, name)| format!("{number} ({name})")))
+}
+
+/// Other systems end a program with a code alone.
+#[cfg(not(unix))]
+fn signal(_: ExitStatus) -> Option<String> {
+    None
 }
 
 /// Everything that a compiler printed.

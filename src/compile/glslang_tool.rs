@@ -63,6 +63,9 @@ pub(super) fn compile(source: &Source, stage: Stage, options: &CompileOptions) -
     }
     command.args(options.flags.define_arguments());
     let result = workspace.run(command.arg("-o").arg(workspace.output()).arg(source.name()))?;
+    if let Some(crash) = tool.crash(source, &result) {
+        return Err(crash);
+    }
     let printed = printed(&result);
     let diagnostics = |wanted| match is_glslc(&tool) {
         true => message::glslc(&printed, wanted),
@@ -70,7 +73,7 @@ pub(super) fn compile(source: &Source, stage: Stage, options: &CompileOptions) -
     };
     if result.status.success() {
         let warnings = message::warnings(source, diagnostics(Severity::Warning));
-        return Ok(Compiled { spirv: workspace.module(printed)?, warnings });
+        return Ok(Compiled { spirv: workspace.module(&tool, source, &printed)?, warnings });
     }
     let diagnostics = diagnostics(Severity::Error);
     // The source is valid, but the tool is too old for it.

@@ -38,6 +38,15 @@ pub(super) struct CompilerDiagnostic {
     pub(super) width: usize,
     /// The message.
     pub(super) text: String,
+    /// What the compiler notes about it, each with its place.
+    pub(super) notes: Vec<String>,
+}
+
+impl CompilerDiagnostic {
+    /// A message at a line, without a column.
+    fn at_line(file: impl Into<String>, line: usize, text: String) -> Self {
+        Self { file: file.into(), line, column: 0, width: 0, text, notes: Vec::new() }
+    }
 }
 
 /// Makes one error of diagnostics, each at its place in the text. If there are none, the whole
@@ -52,6 +61,7 @@ pub(super) fn error(source: &Source, diagnostics: Vec<CompilerDiagnostic>, outpu
     let files = source.closure();
     let errors = diagnostics.into_iter().map(|diagnostic| {
         let error = Error::new(ErrorKind::InvalidSource, diagnostic.text);
+        let error = diagnostic.notes.into_iter().fold(error, Error::note);
         let name = if diagnostic.file.is_empty() { source.name() } else { &diagnostic.file };
         let text = if name == source.name() { Some(source.text()) } else { files.get(name) };
         match text {
@@ -78,7 +88,9 @@ pub(super) fn warnings(source: &Source, diagnostics: Vec<CompilerDiagnostic>) ->
         let file = if diagnostic.file.is_empty() { source.name().to_owned() } else { diagnostic.file };
         let number = |number| u32::try_from(number).unwrap_or(u32::MAX);
         let (line, column) = (number(diagnostic.line), number(diagnostic.column));
-        let warning = Warning { file, line, column, message: diagnostic.text };
+        let notes = diagnostic.notes.into_iter().map(|note| format!("; {note}"));
+        let message = std::iter::once(diagnostic.text).chain(notes).collect();
+        let warning = Warning { file, line, column, message };
         if !warnings.contains(&warning) {
             warnings.push(warning);
         }
@@ -126,7 +138,7 @@ fn glslang_message(line: &str) -> Option<CompilerDiagnostic> {
         return None;
     }
     let file = if file == "0" { String::new() } else { file.trim_start_matches("./").to_owned() };
-    Some(CompilerDiagnostic { file, line, column, width: 0, text: normalize_text(text) })
+    Some(CompilerDiagnostic { column, ..CompilerDiagnostic::at_line(file, line, normalize_text(text)) })
 }
 
 /// Parses the output of `glslc`: `FILE:LINE: error: TEXT`.
@@ -136,36 +148,47 @@ pub(super) fn glslc(output: &str, wanted: Severity) -> Vec<CompilerDiagnostic> {
         let (place, text) = line.split_once(&word)?;
         let (file, line) = place.rsplit_once(':').unwrap_or((place, "0"));
         let line = line.parse().unwrap_or(0);
-        Some(CompilerDiagnostic {
-            file: file.to_owned(),
-            line,
-            column: 0,
-            width: 0,
-            text: normalize_text(text),
-        })
+        Some(CompilerDiagnostic::at_line(file, line, normalize_text(text)))
     });
     diagnostics.collect()
 }
 
 /// Parses the output of `slangc`: `error[E1]: TITLE`, then ` --> FILE:LINE:COLUMN` and carets below
 /// the line; older versions print `FILE(LINE): error 1: TEXT`. Warnings keep their number, by which
-/// `-Wno-NUMBER` silences them.
+/// `-Wno-NUMBER` silences them. A `note` belongs to the message before it.
 pub(super) fn slangc(output: &str, wanted: Severity) -> Vec<CompilerDiagnostic> {
     let (word, other, _) = wanted.words();
-    let old = format!("): {word} ");
+    let (old, other_old) = (format!("): {word} "), format!("): {other} "));
+    // Whether the line before began a note, whose place follows.
+    let mut continues_note = false;
     let mut diagnostics: Vec<CompilerDiagnostic> = Vec::new();
     let mut title = None;
-    // Whether carets belong to the last of the wanted messages.
-    let mut is_of_last = false;
+    // Whether carets belong to the last of the wanted messages, and whether notes do.
+    let (mut is_of_last, mut notes_belong) = (false, false);
     for line in output.lines() {
         if let Some(text) = line.strip_prefix(word) {
+            notes_belong = true;
             title = text.split_once(": ").map(|(number, text)| match wanted {
                 Severity::Error => text.to_owned(),
                 Severity::Warning => format!("{number} {text}").trim_start().to_owned(),
             });
+        } else if let Some(text) = line.strip_prefix("note").filter(|_| notes_belong) {
+            (is_of_last, title) = (false, None);
+            let text = text.split_once(": ").map_or(text, |(_, text)| text);
+            if let Some(last) = diagnostics.last_mut() {
+                last.notes.push(text.trim().to_owned());
+            }
+            continues_note = true;
+            continue;
+        } else if let Some(place) = line.trim_start().strip_prefix("--> ")
+            && continues_note
+        {
+            let notes = diagnostics.last_mut().map(|last| &mut last.notes);
+            if let Some(note) = notes.and_then(|notes| notes.last_mut()) {
+                *note = format!("{}: {note}", place.trim());
+            }
         } else if line.starts_with(other) || line.starts_with("note") {
-            is_of_last = false;
-            title = None;
+            (is_of_last, notes_belong, title) = (false, false, None);
         } else if let Some(place) = line.trim_start().strip_prefix("--> ")
             && let Some(text) = title.take()
         {
@@ -173,7 +196,7 @@ pub(super) fn slangc(output: &str, wanted: Severity) -> Vec<CompilerDiagnostic> 
             let column = parts.next().and_then(|part| part.parse().ok()).unwrap_or(0);
             let line = parts.next().and_then(|part| part.parse().ok()).unwrap_or(0);
             let file = parts.next().unwrap_or(place).to_owned();
-            diagnostics.push(CompilerDiagnostic { file, line, column, width: 0, text });
+            diagnostics.push(CompilerDiagnostic { column, ..CompilerDiagnostic::at_line(file, line, text) });
             is_of_last = true;
         } else if let Some((_, carets)) = line.split_once("| ")
             && let Some(last) = diagnostics.last_mut()
@@ -199,8 +222,18 @@ pub(super) fn slangc(output: &str, wanted: Severity) -> Vec<CompilerDiagnostic> 
             let (file, number) = place.rsplit_once('(').unwrap_or((place, "0"));
             let text = text.split_once(": ").map_or(text, |(_, text)| text).to_owned();
             let line = number.parse().unwrap_or(0);
-            diagnostics.push(CompilerDiagnostic { file: file.to_owned(), line, column: 0, width: 0, text });
+            diagnostics.push(CompilerDiagnostic::at_line(file, line, text));
+            notes_belong = true;
+        } else if let Some((place, text)) = line.split_once("): note")
+            && let Some((file, number)) = place.rsplit_once('(')
+            && let Some(last) = diagnostics.last_mut().filter(|_| notes_belong)
+        {
+            let text = text.split_once(": ").map_or(text, |(_, text)| text);
+            last.notes.push(format!("{file}:{number}: {}", text.trim()));
+        } else if line.contains(&other_old) {
+            notes_belong = false;
         }
+        continues_note = false;
     }
     diagnostics
 }
@@ -298,6 +331,34 @@ mod tests {
             (old.file.as_str(), old.line, old.text.as_str()),
             ("e.slang", 3, "'d' is not a member of 'P'.")
         );
+    }
+
+    #[test]
+    fn notes_of_slangc_belong_to_the_message_before_them() {
+        let output = "warning[E1]: odd\n --> a.slang:1:1\n  |\n1 | x\n  | ^ odd\n\
+                      note: of the warning\n --> a.slang:7:1\n--'\n\
+                      error[E36107]: unavailable features\n --> a.slang:4:45\n  |\n4 | x\n  | ^ entry point 'main'\n--'\n\
+                      note: see using of 'discard'\n --> a.slang:4:54\n  |\n4 | x\n  | ^^^^^^^\n--'\n\
+                      note[E2]: see definition of 'discard'\n--> hlsl.meta.slang:19968:6\n-'\n\
+                      error[E3]: wrong\n --> b.slang:3:5\n";
+        let found = slangc(output, Severity::Error);
+        assert_eq!(found.len(), 2);
+        assert_eq!((found[0].text.as_str(), found[0].width), ("unavailable features: entry point 'main'", 1));
+        assert_eq!(
+            found[0].notes,
+            ["a.slang:4:54: see using of 'discard'", "hlsl.meta.slang:19968:6: see definition of 'discard'"]
+        );
+        assert!(found[1].notes.is_empty());
+        let old = "e.slang(3): error 30027: 'd' is not a member of 'P'.\ne.slang(1): note 2: see declaration of 'P'\n\
+                   e.slang(9): warning 1: odd\ne.slang(8): note 3: of the warning\n";
+        assert_eq!(slangc(old, Severity::Error)[0].notes, ["e.slang:1: see declaration of 'P'"]);
+        assert_eq!(slangc(old, Severity::Warning)[0].notes, ["e.slang:8: of the warning"]);
+        // They are shown with their message.
+        let source = Source::from_text("a.slang", "").unwrap();
+        let shown = error(&source, slangc(output, Severity::Error), output).render();
+        assert!(shown.contains("= a.slang:4:54: see using of 'discard'"), "{shown}");
+        let told = warnings(&source, slangc(output, Severity::Warning))[0].to_string();
+        assert_eq!(told, "a.slang:1:1: [E1] odd; a.slang:7:1: of the warning");
     }
 
     #[test]

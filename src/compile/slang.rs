@@ -22,8 +22,9 @@ pub(super) fn compile(source: &Source, options: &CompileOptions) -> Result<Compi
     }
     let workspace = Workspace::new(source)?;
     let folders = source.external_include_folders()?;
+    let tool = tool()?;
     let run = |optimize| {
-        let mut command = Command::new(tool()?.path);
+        let mut command = Command::new(&tool.path);
         // Of other extensions slangc would take the file for GLSL, or for none of its own.
         if Language::of(Path::new(source.name())) != Some(source.language()) {
             let name = if source.language() == Language::Hlsl { "hlsl" } else { "slang" };
@@ -59,6 +60,9 @@ pub(super) fn compile(source: &Source, options: &CompileOptions) -> Result<Compi
     if options.optimize == Optimize::Default && printed(&result).contains(NO_OPTIMIZER) {
         result = run(Optimize::Off)?;
     }
+    if let Some(crash) = tool.crash(source, &result) {
+        return Err(crash);
+    }
     let printed = printed(&result);
     if !result.status.success() {
         let error = message::error(source, message::slangc(&printed, Severity::Error), &printed);
@@ -68,7 +72,7 @@ pub(super) fn compile(source: &Source, options: &CompileOptions) -> Result<Compi
         });
     }
     let warnings = message::warnings(source, message::slangc(&printed, Severity::Warning));
-    let spirv = without_machine_paths(&workspace.module(printed)?, workspace.folder());
+    let spirv = without_machine_paths(&workspace.module(&tool, source, &printed)?, workspace.folder());
     Ok(Compiled { spirv, warnings })
 }
 

@@ -1,11 +1,13 @@
 //! Compiles WGSL with naga.
 
 use naga::back::spv;
-use naga::valid::{Capabilities, ValidationFlags, Validator};
+use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
 
 use super::{CompileOptions, Compiled, DebugInfoLevel, Source, bytes};
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::input::contained;
+
+mod panic_place;
 
 /// naga has no constant for its version; a test compares this with `Cargo.lock`.
 pub(super) const NAGA_VERSION: &str = "30.0.1";
@@ -29,16 +31,18 @@ fn translate(source: &Source, options: &CompileOptions) -> Result<Compiled> {
         let labels = error.labels().map(|(span, label)| (span, label.to_owned()));
         invalid(source, error.message().to_owned(), labels)
     })?;
-    let info =
-        Validator::new(ValidationFlags::all(), Capabilities::all()).validate(&module).map_err(|error| {
-            let mut message = error.as_inner().to_string();
-            let mut cause = std::error::Error::source(error.as_inner());
-            while let Some(inner) = cause {
-                message = format!("{message}: {inner}");
-                cause = inner.source();
-            }
-            invalid(source, message, error.spans().cloned())
-        })?;
+    // What its writer of SPIR-V does not support, naga panics at; other features it only refuses.
+    let unsupported = Capabilities::TEXTURE_EXTERNAL;
+    let capabilities = Capabilities::all().difference(unsupported);
+    let info = Validator::new(ValidationFlags::all(), capabilities).validate(&module).map_err(|error| {
+        let mut message = error.as_inner().to_string();
+        let mut cause = std::error::Error::source(error.as_inner());
+        while let Some(inner) = cause {
+            message = format!("{message}: {inner}");
+            cause = inner.source();
+        }
+        invalid(source, message, error.spans().cloned())
+    })?;
 
     let mut flags = spv::WriterFlags::empty();
     let debug_info = (options.debug != DebugInfoLevel::Names).then(|| spv::DebugInfo {
@@ -58,13 +62,41 @@ fn translate(source: &Source, options: &CompileOptions) -> Result<Compiled> {
         trace_ray_argument_validation: false,
         ..spv::Options::default()
     };
-    let words = spv::write_vec(&module, &info, &settings, None)
-        .map_err(|error| Error::new(ErrorKind::InvalidSource, format!("{}: {error}", source.name())))?;
+    let words = contained("naga", ErrorKind::InvalidSource, || write(source, &module, &info, &settings));
+    let words = words.map_err(|error| {
+        let is_panic = |module: &naga::Module| {
+            let is_written = |module| {
+                contained("naga", ErrorKind::InvalidSource, || {
+                    // An error other than a panic is a result, too.
+                    let _ = spv::write_vec(module, &info, &settings, None);
+                    Ok(())
+                })
+            };
+            is_written(module).is_err()
+        };
+        match panic_place::find(&module, &is_panic).filter(|_| is_panic(&module)) {
+            Some(span) => labelled(source, error, [(span, String::new())].into_iter()),
+            None => error,
+        }
+    })?;
     Ok(Compiled { spirv: bytes(&words), warnings: Vec::new() })
 }
 
+fn write(
+    source: &Source,
+    module: &naga::Module,
+    info: &ModuleInfo,
+    settings: &spv::Options<'_>,
+) -> Result<Vec<u32>> {
+    spv::write_vec(module, info, settings, None)
+        .map_err(|error| Error::new(ErrorKind::InvalidSource, format!("{}: {error}", source.name())))
+}
+
 fn invalid(source: &Source, message: String, labels: impl Iterator<Item = (naga::Span, String)>) -> Error {
-    let mut error = Error::new(ErrorKind::InvalidSource, message);
+    labelled(source, Error::new(ErrorKind::InvalidSource, message), labels)
+}
+
+fn labelled(source: &Source, mut error: Error, labels: impl Iterator<Item = (naga::Span, String)>) -> Error {
     for (span, label) in labels {
         if let Some(span) = span.to_range() {
             let place = Place::Text { file: source.name().to_owned(), text: source.text().clone(), span };

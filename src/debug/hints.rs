@@ -2,8 +2,8 @@
 
 use crate::debug::summary_words::{label, primitive};
 use crate::debug::transcript::{
-    ExitKind, Hint, HintKind, HitReport, InstanceReport, PrimitiveOutcome, RecordChoice, ShaderRun, Step,
-    Trace, Transcript, Traversal,
+    ExitKind, Hint, HintKind, HitReport, InstanceReport, MemoryChange, PrimitiveOutcome, RecordChoice,
+    ShaderRun, Step, Trace, Traversal,
 };
 use crate::debug::values::{FloatValue, TypedValue};
 use crate::debug::walk::{self, AnyRay, PlacedRay};
@@ -32,15 +32,15 @@ const RAY_RULES: &[(HintKind, RayRule)] = &[
     (HintKind::NormalAlongRay, normal_along_ray),
 ];
 
-/// The hints of a transcript.
-pub(super) fn of(transcript: &Transcript) -> Vec<Hint> {
-    let rays = walk::rays(&transcript.root);
+/// The hints on what happened from a step on, and on what it changed in memory.
+pub fn hints(root: &Step, writes: &[MemoryChange]) -> Vec<Hint> {
+    let rays = walk::rays(root);
     let mut hints = Vec::new();
     for &(kind, rule) in RAY_RULES {
         let texts = rays.iter().filter_map(|ray| Some(format!("{}: {}", place(ray.ray), rule(ray)?)));
         hints.extend(limited(kind, texts.collect()));
     }
-    hints.extend(limited(HintKind::NanWritten, nans(transcript)));
+    hints.extend(limited(HintKind::NanWritten, nans(root, writes)));
     hints
 }
 
@@ -258,9 +258,9 @@ fn normal_along_ray(placed: &PlacedRay<'_>) -> Option<String> {
 }
 
 /// The shaders that left a NaN where there was none, and the memory that got one.
-fn nans(transcript: &Transcript) -> Vec<String> {
+fn nans(root: &Step, writes: &[MemoryChange]) -> Vec<String> {
     let mut texts = Vec::new();
-    for run in walk::runs(&transcript.root) {
+    for run in walk::runs(root) {
         let has = |value: &Option<TypedValue>| value.as_ref().is_some_and(|value| value.content.has_nan());
         let made = run.lines.iter().find(|line| {
             line.values.iter().any(|value| value.last.content.has_nan() || value.first.content.has_nan())
@@ -282,10 +282,8 @@ fn nans(transcript: &Transcript) -> Vec<String> {
             None => {}
         }
     }
-    let written = transcript
-        .writes
-        .iter()
-        .filter(|write| write.after.content.has_nan() && !write.before.content.has_nan());
+    let is_new = |write: &&MemoryChange| write.after.content.has_nan() && !write.before.content.has_nan();
+    let written = writes.iter().filter(is_new);
     texts.extend(written.map(|write| format!("a NaN is written to `{}`", write.resource)));
     texts
 }

@@ -9,7 +9,7 @@ use crate::debug::debugger::{
 use crate::debug::executed_lines::ExecutedLine;
 use crate::debug::session::{ExplainRequest, Session};
 use crate::debug::summary;
-use crate::debug::transcript::{ShaderLabel, Transcript};
+use crate::debug::transcript::{ShaderLabel, Step, Transcript};
 use crate::debug::values::TypedValue;
 use crate::debug::walk;
 use crate::error::Result;
@@ -87,7 +87,7 @@ fn add_lines(
         }
     });
     let all = walk::runs(&transcript.root);
-    let texts = all.iter().map(|run| run.printed.len()).sum();
+    let texts: usize = all.iter().map(|run| run.printed.len()).sum();
     if runs == FollowedRuns::Only(Vec::new()) && texts == 0 {
         return Ok(());
     }
@@ -95,20 +95,29 @@ fn add_lines(
     let has_run = |shader: &ShaderLabel| all.iter().any(|run| run.shader == *shader);
     let mut debugger = Debugger::of_shaders(session, request, &has_run)?;
     debugger.supply_texts(read);
+    transcript.lines_cut = add_lines_of(debugger, &mut transcript.root, runs);
+    summary::complete(transcript);
+    Ok(())
+}
+
+/// Adds the lines of shader runs to what the debugger, which has not begun, runs again. Returns
+/// whether not all lines were followed.
+pub(crate) fn add_lines_of(mut debugger: Debugger, root: &mut Step, runs: FollowedRuns) -> bool {
+    let texts = walk::runs(root).iter().map(|run| run.printed.len()).sum();
     let mut recorder = Recorder::new(runs, texts);
     let mut stop = debugger.begin();
+    let mut is_cut = false;
     while matches!(stop, StopReason::Entry | StopReason::Step) && !recorder.is_done() {
         if recorder.stops == MAX_STOPS {
-            transcript.lines_cut = true;
+            is_cut = true;
             break;
         }
         recorder.stop(&mut debugger);
         stop = debugger.step(Stepping::Into);
     }
     recorder.look_at_output(&debugger);
-    recorder.finish(transcript);
-    summary::complete(transcript);
-    Ok(())
+    recorder.finish(root);
+    is_cut
 }
 
 /// A variable as it was at the last stop.
@@ -296,11 +305,11 @@ impl Recorder {
         record.globals = now;
     }
 
-    /// Writes what was noted into a transcript.
-    fn finish(mut self, transcript: &mut Transcript) {
+    /// Writes what was noted into a transcript's steps.
+    fn finish(mut self, root: &mut Step) {
         // Other invocations of a workgroup print, too; then it is not known which text is whose.
         let is_certain = self.printed.len() == self.texts;
-        walk::for_each_run(&mut transcript.root, &mut |run| {
+        walk::for_each_run(root, &mut |run| {
             for text in run.printed.iter_mut().filter(|_| is_certain) {
                 (text.file, text.line) = self.printed[text.number].clone().unzip();
             }

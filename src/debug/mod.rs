@@ -13,6 +13,7 @@ pub mod console;
 #[cfg(feature = "scenes")]
 pub mod debugger;
 pub mod executed_lines;
+pub mod hints;
 pub mod names;
 pub(crate) mod page;
 mod query_reader;
@@ -30,11 +31,11 @@ pub mod command;
 #[cfg(feature = "scenes")]
 mod compute;
 #[cfg(feature = "scenes")]
+mod deciders;
+#[cfg(feature = "scenes")]
 pub mod drawing;
 #[cfg(feature = "scenes")]
 mod event_log;
-#[cfg(feature = "scenes")]
-mod hints;
 #[cfg(feature = "scenes")]
 mod layout;
 #[cfg(feature = "scenes")]
@@ -47,6 +48,8 @@ mod scene_names;
 pub mod session;
 #[cfg(feature = "scenes")]
 pub mod shell;
+#[cfg(feature = "scenes")]
+pub mod source_text;
 #[cfg(feature = "scenes")]
 mod summary;
 

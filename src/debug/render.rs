@@ -9,8 +9,8 @@ mod words;
 
 use crate::debug::page::{Page, TextStyle, with_plural, with_thousands_separators};
 use crate::debug::transcript::{
-    ChangeLocation, Decision, DispatchIndex, HitReport, MemoryChange, RecordChoice, ShaderRun, Step, Trace,
-    Transcript, Traversal,
+    ChangeLocation, Decision, DispatchIndex, Hint, HitReport, MemoryChange, RecordChoice, ShaderRun, Step,
+    Trace, Transcript, Traversal,
 };
 
 pub use parts::{PageFilter, parts};
@@ -29,6 +29,9 @@ pub struct RenderOptions {
     pub all: bool,
     /// Whether the summary stands before the page.
     pub summary: bool,
+    /// With a number, at most so many lines of a shader are shown, the last that began to run;
+    /// also those that set no variable.
+    pub last_lines: Option<usize>,
 }
 
 /// Renders a transcript as text.
@@ -46,8 +49,8 @@ pub fn summary(transcript: &Transcript, options: RenderOptions) -> String {
     writer.page.finish()
 }
 
-/// Renders one step and all steps within it as text, under a title.
-pub fn step(title: &str, step: &Step, options: RenderOptions) -> String {
+/// Renders one step and all steps within it as text, under a title and hints.
+pub fn step(title: &str, hints: &[Hint], step: &Step, options: RenderOptions) -> String {
     let mut writer = Writer {
         page: Page::new(options.colour),
         options,
@@ -57,6 +60,7 @@ pub fn step(title: &str, step: &Step, options: RenderOptions) -> String {
         printed: 0,
     };
     writer.page.line(title);
+    writer.page.rows(hints.iter().map(|hint| ("hint", hint.text.clone())));
     writer.page.blank_line();
     writer.step(step);
     writer.page.finish()
@@ -125,7 +129,7 @@ impl<'a> Writer<'a> {
     }
 
     fn summary(&mut self, transcript: &Transcript) {
-        let hint = |hint: &crate::debug::transcript::Hint| ("hint", hint.text.clone());
+        let hint = |hint: &Hint| ("hint", hint.text.clone());
         let lines = transcript.summary.iter().map(|line| (line.about, line.text.clone()));
         self.page.rows(lines.chain(transcript.hints.iter().map(hint)));
     }

@@ -8,7 +8,7 @@ use crate::debug::walk::{self, AnyRay};
 
 /// Writes the summary and the hints of a transcript.
 pub(super) fn complete(transcript: &mut Transcript) {
-    transcript.hints = hints::of(transcript);
+    transcript.hints = hints::hints(&transcript.root, &transcript.writes);
     transcript.summary = lines(transcript);
 }
 

@@ -51,7 +51,6 @@ pub(super) struct PlacedRay<'a> {
     /// The ray.
     pub ray: AnyRay<'a>,
     /// The hit that its shader was called for, and those of the shader's own rays before it.
-    #[cfg_attr(not(feature = "scenes"), expect(dead_code, reason = "hints about scenes read it"))]
     pub from: Vec<AnyRay<'a>>,
 }
 

@@ -1,15 +1,32 @@
 //! The explanation beneath a failed assertion: the text of `anyhit trace-one-ray`, for a ray or a
 //! shader run from Rust. It is rendered only on request.
 
+#[cfg(feature = "scenes")]
+use std::path::Path;
 use std::sync::Arc;
 
 use crate::accel::Tlas;
+#[cfg(feature = "scenes")]
+use crate::debug::debugger::Debugger;
+use crate::debug::hints::hints;
+#[cfg(feature = "scenes")]
+use crate::debug::line_recorder::{FollowedRuns, add_lines_of};
 use crate::debug::names::Names;
 use crate::debug::reader::EventReader;
 use crate::debug::render::{self, RenderOptions};
+#[cfg(feature = "scenes")]
+use crate::debug::source_text::source_text;
+use crate::debug::transcript::Step;
 use crate::harness::memory;
 use crate::machine::{DeviceMemory, Resources};
+#[cfg(feature = "scenes")]
+use crate::pipeline::SteppedLaunch;
 use crate::pipeline::{Event, Launch, Pipeline, RayOperands};
+#[cfg(feature = "scenes")]
+use crate::scene::files::{DiskFiles, Files};
+
+/// How many lines of a shader that decided are shown, unless another number is asked for.
+pub const EXPLAINED_LINES: usize = 10;
 
 /// A result that can explain how it came about.
 pub trait Explain {
@@ -49,12 +66,40 @@ impl Explanation {
             }
         };
         let names = Names::unnamed(&self.pipeline).with_memory(&memory);
-        let Some(root) = EventReader::new(&self.pipeline, names, events).root() else { return String::new() };
-        let mut text = render::step(title, &root, RenderOptions::default());
+        let Some(mut root) = EventReader::new(&self.pipeline, names, events).root() else {
+            return String::new();
+        };
+        self.add_lines(&mut root);
+        let options = RenderOptions { last_lines: Some(EXPLAINED_LINES), ..RenderOptions::default() };
+        let mut text = render::step(title, &hints(&root, &[]), &root, options);
         for call in calls {
             text.push_str(call);
             text.push('\n');
         }
         text
     }
+
+    /// Adds the lines of the any-hit and intersection shaders that decided a ray; without them the
+    /// explanation still stands.
+    #[cfg(feature = "scenes")]
+    fn add_lines(&self, root: &mut Step) {
+        let What::Ray { tlas, operands, resources } = &self.what else { return };
+        let runs = FollowedRuns::of_deciders(root);
+        if runs == FollowedRuns::Only(Vec::new()) {
+            return;
+        }
+        let resources = memory::copied(resources);
+        let Ok(pipeline) = self.pipeline.partly_unoptimized(|_| true).map(Arc::new) else { return };
+        let stepped = SteppedLaunch::<1>::of_ray(pipeline.clone(), &resources, tlas, operands.clone());
+        let Ok(stepped) = stepped else { return };
+        let mut debugger = Debugger::with(Box::new(stepped), pipeline, &resources);
+        debugger.supply_texts(&mut |name| {
+            source_text(Path::new(""), name, &mut |path| DiskFiles.read(path).ok())
+        });
+        add_lines_of(debugger, root, runs);
+    }
+
+    /// Lines are followed by the debugger, which reads scenes.
+    #[cfg(not(feature = "scenes"))]
+    fn add_lines(&self, _: &mut Step) {}
 }

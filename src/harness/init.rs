@@ -1,5 +1,6 @@
 //! A first case for compiled shaders, written from what their modules declare.
 
+mod fits;
 mod pointees;
 mod resources;
 mod scene;
@@ -73,6 +74,7 @@ pub fn case(
         let message = "no module has an entry point of a ray-tracing stage";
         return Err(Error::new(ErrorKind::InvalidArgument, message));
     }
+    shaders.check_types()?;
     std::fs::create_dir_all(folder).map_err(|error| Error::io(folder, error))?;
     let text = shaders.scene(folder)?;
     atomic_file::write(&scene, &text)?;
@@ -305,14 +307,6 @@ impl Shaders {
         }
         out.push_str("]\n");
         out
-    }
-
-    /// The hit groups: the nth shaders of each stage make one.
-    fn groups(&self) -> Vec<Vec<&Shader>> {
-        let stages = [Stage::ClosestHit, Stage::AnyHit, Stage::Intersection];
-        let count = stages.iter().map(|stage| self.of(*stage).count()).max().unwrap_or(0);
-        let group = |at| stages.iter().filter_map(|stage| self.of(*stage).nth(at)).collect();
-        (0..count).map(group).collect()
     }
 
     /// What the shader binding table needs for the rays that the shaders trace.

@@ -1,7 +1,7 @@
 //! Panics of readers that are not ours, caught as errors of the file that they read.
 
 use std::cell::RefCell;
-use std::panic::{AssertUnwindSafe, catch_unwind, set_hook, take_hook};
+use std::panic::{AssertUnwindSafe, Location, catch_unwind, set_hook, take_hook};
 use std::sync::Once;
 
 use crate::error::{Error, ErrorKind, Result};
@@ -20,7 +20,7 @@ fn install_hook() {
         set_hook(Box::new(move |panic| {
             let told = INSIDE.try_with(|inside| match &mut *inside.borrow_mut() {
                 Some(told) => {
-                    *told = panic.location().map(ToString::to_string).unwrap_or_default();
+                    *told = panic.location().map(in_package).unwrap_or_default();
                     true
                 }
                 None => false,
@@ -30,6 +30,16 @@ fn install_hook() {
             }
         }));
     });
+}
+
+/// The place of a panic from the folder of its package on: what is before it is of the machine on
+/// which the program was built.
+fn in_package(location: &Location<'_>) -> String {
+    let path = location.file().replace('\\', "/");
+    let folders: Vec<&str> = path.split('/').collect();
+    let source = folders.iter().rposition(|&folder| folder == "src").unwrap_or(folders.len());
+    let path = folders[source.saturating_sub(1).min(folders.len() - 1)..].join("/");
+    format!("{path}:{}:{}", location.line(), location.column())
 }
 
 /// Runs a reader of another crate. A panic in it, of which nothing is printed, becomes an error of

@@ -69,6 +69,21 @@ impl Descriptor {
         })
     }
 
+    /// Adds what stands for a missing descriptor: it is all of an unbound one, and of another one
+    /// the kinds that it lacks.
+    fn complete(&mut self, stand_in: &Self) {
+        if let Self::Unbound = self {
+            self.clone_from(stand_in);
+            return;
+        }
+        let kinds = self.kinds();
+        let is_there = |new: &&Self| kinds.iter().any(|known| known.kind() == new.kind());
+        let lacking: Vec<Self> = stand_in.kinds().iter().filter(|new| !is_there(new)).cloned().collect();
+        if !lacking.is_empty() {
+            *self = Self::Mutable(kinds.iter().cloned().chain(lacking).collect());
+        }
+    }
+
     /// What a variable of the shader refers to: the first descriptor that suits its type.
     #[doc(hidden)]
     #[inline]
@@ -100,8 +115,8 @@ pub enum MemoryPolicy {
 pub struct BindingSummary {
     /// The binding.
     pub binding: Binding,
-    /// The kind of the first bound element.
-    pub kind: &'static str,
+    /// The kinds of the bound elements, each once.
+    pub kinds: Vec<&'static str>,
     /// How many elements there are.
     pub count: usize,
     /// The name of the first resource there, in its scene.
@@ -182,9 +197,14 @@ impl Resources {
 
     fn bound(&self) -> Arc<[BindingSummary]> {
         let bound = self.descriptors.iter().filter_map(|(&binding, elements)| {
-            let kind = elements.iter().find_map(Descriptor::kind)?;
+            let mut kinds: Vec<&str> = Vec::new();
+            for kind in elements.iter().flat_map(Descriptor::kinds).filter_map(Descriptor::kind) {
+                if !kinds.contains(&kind) {
+                    kinds.push(kind);
+                }
+            }
             let name = self.names.get(&binding).cloned();
-            Some(BindingSummary { binding, kind, count: elements.len(), name })
+            (!kinds.is_empty()).then(|| BindingSummary { binding, kinds, count: elements.len(), name })
         });
         bound.collect()
     }
@@ -196,8 +216,7 @@ impl Resources {
             let mut elements = self.descriptors.get(&binding).cloned().unwrap_or_default();
             let stand_in = self.stand_ins.get(&binding);
             if let Some(stand_in) = stand_in {
-                let holes = elements.iter_mut().filter(|one| matches!(one, Descriptor::Unbound));
-                holes.for_each(|hole| hole.clone_from(stand_in));
+                elements.iter_mut().for_each(|one| one.complete(stand_in));
             }
             stand_ins.push(stand_in.cloned());
             elements
@@ -348,6 +367,21 @@ mod tests {
         );
         assert_eq!(null(1, 0), None);
         assert!(bindings.descriptor(0).is_none() && bindings.descriptor(u32::MAX).is_none());
+    }
+
+    #[test]
+    fn stand_ins_add_the_kinds_that_a_shared_binding_lacks() {
+        let at = Binding { set: 0, binding: 0 };
+        let buffer = Buffer::zeroed(4);
+        let mut resources = Resources::default().bind(0, 0, Descriptor::Buffer(buffer.clone()));
+        let kinds =
+            [Descriptor::Buffer(Buffer::null()), Descriptor::AccelerationStructure(Tlas::empty().clone())];
+        resources.stand_ins.insert(at, Descriptor::Mutable(kinds.into()));
+        let bindings = resources.bindings([at]);
+        let handle = Bindings::handle(0, 0);
+        assert!(bindings.buffer(handle).is_some_and(|found| found.is_same(&buffer)));
+        assert!(bindings.acceleration_structure([handle, STRUCTURE_HANDLE]).is_some());
+        assert_eq!(bindings.bound[0].kinds, ["a buffer"]);
     }
 
     #[test]

@@ -17,6 +17,8 @@ pub enum AccessFault {
         handle: u32,
         /// What is bound.
         bound: Arc<[BindingSummary]>,
+        /// What of the descriptor is missing, where a variable holds more than that.
+        part: Option<&'static str>,
     },
     /// A device address without a buffer, or beyond the end of its buffer.
     Address {
@@ -81,7 +83,12 @@ pub struct HitRecordTerms {
 impl AccessFault {
     /// A descriptor that was not found.
     pub fn descriptor(handle: u32, bindings: &Bindings) -> Self {
-        Self::Descriptor { handle, bound: bindings.bound.clone() }
+        Self::Descriptor { handle, bound: bindings.bound.clone(), part: None }
+    }
+
+    /// A sampler that was not found.
+    pub fn sampler(handle: u32, bindings: &Bindings) -> Self {
+        Self::Descriptor { handle, bound: bindings.bound.clone(), part: Some("a sampler") }
     }
 
     /// The value of an acceleration structure that was not found; `None` for a device address.

@@ -252,7 +252,7 @@ pub fn variable(translator: &mut Translator<'_>, index: u32) -> Result<Pointer> 
             if translator.slots.len() == MAX_SLOTS {
                 return Err(translator.unsupported(format!("more than {MAX_SLOTS} descriptor bindings")));
             }
-            translator.slots.push(Slot { binding: Binding { set, binding }, name });
+            translator.slots.push(Slot { binding: Binding { set, binding }, name, variable: id });
             let array =
                 matches!(translator.module.ty(pointee), Type::Array { .. } | Type::RuntimeArray { .. });
             let buffers = variable.storage_class != storage::UNIFORM_CONSTANT;

@@ -44,6 +44,8 @@ pub struct Slot {
     pub binding: Binding,
     /// The variable's name, for messages.
     pub name: String,
+    /// The variable.
+    pub variable: Id,
 }
 
 /// The bytes that a variable of the Workgroup storage class occupies.

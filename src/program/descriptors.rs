@@ -8,10 +8,11 @@ use crate::machine::format::{Class, Component, Format};
 use crate::machine::image::{Dimension, Image, ImageShape};
 use crate::machine::sampler::{CompareOp, Sampler};
 use crate::machine::{AccessFault, Binding, BindingSummary, Buffer, Descriptor};
-use crate::module::Module;
 use crate::module::ty::{ImageType, Type, TypeId};
+use crate::module::{GlobalVariable, Module};
 use crate::ops::image::view;
 use crate::ops::pointer::storage;
+use crate::ops::translate::Slot;
 use crate::program::Program;
 use crate::sorted::sort_by_key;
 
@@ -54,6 +55,21 @@ impl DescriptorType {
         }
     }
 
+    /// Whether descriptors of these kinds ([`Descriptor::kind`]) hold all that it does.
+    fn is_held(self, kinds: &[&str]) -> bool {
+        const BOTH: &str = "an image with a sampler";
+        let accepted: &[&str] = match self {
+            Self::StorageBuffer | Self::UniformBuffer => &["a buffer"],
+            Self::StorageImage | Self::SampledImage | Self::UniformTexelBuffer | Self::StorageTexelBuffer => {
+                &["an image", BOTH]
+            }
+            Self::Sampler => &["a sampler", BOTH],
+            Self::CombinedImageSampler => &[BOTH],
+            Self::AccelerationStructure => &["an acceleration structure"],
+        };
+        kinds.iter().any(|kind| accepted.contains(kind))
+    }
+
     /// The type of a variable's descriptors, given the type of one of them.
     fn of(module: &Module, storage_class: u32, ty: TypeId) -> Option<Self> {
         let image = |ty: TypeId, with_sampler| {
@@ -89,13 +105,25 @@ fn variables(module: &Module, binding: Binding) -> impl Iterator<Item = (u32, Ty
         let number = |decoration| module.decorations.literal(id, decoration);
         number(34) == Some(binding.set) && number(33) == Some(binding.binding)
     };
-    module.variables.iter().filter(move |variable| at(variable.id)).filter_map(|variable| {
-        let Type::Pointer { pointee: Some(mut ty), .. } = *module.ty(variable.pointer) else { return None };
-        while let Type::Array { element, .. } | Type::RuntimeArray { element, .. } = *module.ty(ty) {
-            ty = element;
-        }
-        Some((variable.storage_class, ty))
-    })
+    let here = module.variables.iter().filter(move |variable| at(variable.id));
+    here.filter_map(|variable| element_of(module, variable))
+}
+
+/// The storage class of a variable, and the type of one of its descriptors.
+fn element_of(module: &Module, variable: &GlobalVariable) -> Option<(u32, TypeId)> {
+    let Type::Pointer { pointee: Some(mut ty), .. } = *module.ty(variable.pointer) else { return None };
+    while let Type::Array { element, .. } | Type::RuntimeArray { element, .. } = *module.ty(ty) {
+        ty = element;
+    }
+    Some((variable.storage_class, ty))
+}
+
+/// The descriptor type of the variable that a slot is of.
+fn slot_type(program: &Program, slot: &Slot) -> Option<DescriptorType> {
+    let module = &*program.module;
+    let variable = module.variables.iter().find(|variable| variable.id == slot.variable)?;
+    let (class, ty) = element_of(module, variable)?;
+    DescriptorType::of(module, class, ty)
 }
 
 /// The descriptor types of a module's variables at a binding.
@@ -202,26 +230,28 @@ pub fn list(all: &[String]) -> String {
     text
 }
 
-/// The descriptors that programs use at bindings of which nothing is bound: each binding once, with
-/// the name and the types that the first of the programs declares.
+/// The descriptors that programs use and that are not bound, given the kinds of those that are at a
+/// binding ([`Descriptor::kind`]). Several variables may share a binding, which then lacks the
+/// descriptor of one: each binding and type once, with the name that the first of the programs
+/// declares.
 pub fn missing<'a>(
     programs: impl Iterator<Item = &'a Program>,
-    is_bound: impl Fn(Binding) -> bool,
+    bound: impl Fn(Binding) -> Vec<&'static str>,
 ) -> Vec<String> {
-    let mut seen: Vec<Binding> = Vec::new();
+    let mut seen: Vec<(Binding, Option<DescriptorType>)> = Vec::new();
     let mut all: Vec<(Binding, String)> = Vec::new();
     for program in programs {
-        for slot in program.slots.iter().filter(|slot| !is_bound(slot.binding)) {
-            if seen.contains(&slot.binding) {
+        for slot in &program.slots {
+            let ty = slot_type(program, slot);
+            let (one, kinds) = ((slot.binding, ty), bound(slot.binding));
+            if seen.contains(&one) || ty.map_or(!kinds.is_empty(), |ty| ty.is_held(&kinds)) {
                 continue;
             }
-            seen.push(slot.binding);
+            seen.push(one);
             let Binding { set, binding } = slot.binding;
             let name = if slot.name.is_empty() { String::new() } else { format!("`{}` ", slot.name) };
-            let types = declared(&program.module, slot.binding);
-            let types = types.into_iter().map(DescriptorType::name).collect::<Vec<_>>().join(" or ");
-            let comma = if types.is_empty() { "" } else { ", " };
-            all.push((slot.binding, format!("{name}(set {set}, binding {binding}{comma}{types})")));
+            let ty = ty.map_or_else(String::new, |ty| format!(", {}", ty.name()));
+            all.push((slot.binding, format!("{name}(set {set}, binding {binding}{ty})")));
         }
     }
     sort_by_key(&mut all, |(binding, _)| *binding);
@@ -243,9 +273,11 @@ impl Program {
             let count = if bound.count == 1 { String::new() } else { format!(", {} elements", bound.count) };
             let given =
                 bound.name.as_ref().map_or_else(String::new, |name| format!(", the scene's `{name}`"));
-            format!("set {set}, binding {binding} ({name}{}{count}{given})", bound.kind)
+            let kinds = bound.kinds.join(" and ");
+            format!("set {set}, binding {binding} ({name}{kinds}{count}{given})")
         };
-        let missing = missing(programs(), |binding| bound.iter().any(|one| one.binding == binding));
+        let at = |binding| bound.iter().filter(move |one: &&BindingSummary| one.binding == binding);
+        let missing = missing(programs(), |binding| at(binding).flat_map(|one| one.kinds.clone()).collect());
         let missing = (!missing.is_empty()).then(|| format!("not bound: {}", list(&missing)));
         let bound = match bound.is_empty() {
             true => "nothing is bound".to_owned(),

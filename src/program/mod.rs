@@ -506,9 +506,11 @@ impl Program {
                 }
                 Some(text)
             }
-            AccessFault::Descriptor { handle, .. } | AccessFault::Buffer { handle: Some(handle), .. } => {
-                self.describe_descriptor(*handle)
+            AccessFault::Descriptor { handle, part, .. } => {
+                let part = part.map_or_else(String::new, |part| format!(", {part}"));
+                Some(self.describe_descriptor(*handle)? + &part)
             }
+            AccessFault::Buffer { handle: Some(handle), .. } => self.describe_descriptor(*handle),
             AccessFault::ImageKind { handle, declared, bound } => {
                 let name = self.describe_descriptor(*handle)?;
                 Some(format!("{name} is declared as {declared}, and {bound} is bound"))

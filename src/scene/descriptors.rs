@@ -121,9 +121,12 @@ pub(super) fn missing_note<'a>(
     if scene.missing_descriptors == MissingDescriptors::Zeros {
         return None;
     }
-    let is_bound =
-        |at: Binding| scene.resources.iter().any(|one| Binding { set: one.set, binding: one.binding } == at);
-    let missing = missing(programs, is_bound);
+    let bound = |at: Binding| {
+        let here = scene.resources.iter();
+        let here = here.filter(|one| Binding { set: one.set, binding: one.binding } == at);
+        here.map(|one| kind(&one.resource)).collect()
+    };
+    let missing = missing(programs, bound);
     (!missing.is_empty()).then(|| {
         format!(
             "{}: the scene binds nothing to {}; an access there traps, unless [pipeline] has `unbound = \"zeros\"`",
@@ -137,6 +140,22 @@ pub(super) fn missing_note<'a>(
 fn line_of(place: &Place) -> String {
     let Place::Text { file, text, span } = place else { return String::new() };
     format!("{file}:{}: ", text[..span.start].matches('\n').count() + 1)
+}
+
+/// The kind of descriptor that a resource becomes, as `Descriptor::kind` says it.
+fn kind(bound: &Resource) -> &'static str {
+    match bound {
+        Resource::StorageBuffer(_)
+        | Resource::UniformBuffer(_)
+        | Resource::BufferView(_)
+        | Resource::NullBuffer => "a buffer",
+        Resource::StorageImage(_) | Resource::SampledImage(_) | Resource::TexelBuffer(_) => "an image",
+        Resource::Sampler(_) => "a sampler",
+        Resource::CombinedImageSampler(..) => "an image with a sampler",
+        Resource::AccelerationStructure(_) | Resource::NullAccelerationStructure => {
+            "an acceleration structure"
+        }
+    }
 }
 
 /// Whether a resource may be bound where a descriptor type is declared.

@@ -106,10 +106,19 @@ impl Comparison {
             self.plain(what, Kind::Value, a, b);
             return;
         };
-        for (at, member) in of_a.iter().enumerate() {
+        for (member, other) in of_one_name(of_a, of_b) {
             let name = member["name"].as_str().unwrap_or_default();
-            let other = of_b.get(at).unwrap_or(&Value::Null);
             self.typed(&format!("{what}.{name}"), member, other);
+        }
+    }
+
+    /// Compares lists of values with names: each with its namesake. What one of the runs alone has
+    /// is no difference of values: the sources or the surfaces that are hit differ.
+    fn named(&mut self, fallback: &str, a: &Value, b: &Value) {
+        let list = |value: &Value| value.as_array().map_or(&[][..], Vec::as_slice).to_vec();
+        let (of_a, of_b) = (list(a), list(b));
+        for (one, other) in of_one_name(&of_a, &of_b) {
+            self.typed(one["name"].as_str().unwrap_or(fallback), one, other);
         }
     }
 
@@ -228,9 +237,7 @@ impl Comparison {
         self.plain("the hit's t", Kind::Value, &a["t"], &b["t"]);
         self.plain("the surface that is hit", Kind::Way, &a["surface"], &b["surface"]);
         self.plain("the hit kind", Kind::Way, &a["hit_kind"], &b["hit_kind"]);
-        for (one, other) in pairs(&a["attributes"], &b["attributes"]) {
-            self.typed(one["name"].as_str().unwrap_or("the attribute"), one, other);
-        }
+        self.named("the attribute", &a["attributes"], &b["attributes"]);
     }
 
     fn optional_shader(&mut self, a: &Value, b: &Value) {
@@ -242,7 +249,7 @@ impl Comparison {
     }
 
     fn shader(&mut self, a: &Value, b: &Value) {
-        if shader_name(a) != shader_name(b) {
+        if !is_same_shader(a, b) {
             self.differ("the shader that runs", Kind::Way, [shader_name(a), shader_name(b)]);
             return;
         }
@@ -250,9 +257,7 @@ impl Comparison {
     }
 
     fn run(&mut self, a: &Value, b: &Value) {
-        for (one, other) in pairs(&a["builtins"], &b["builtins"]) {
-            self.typed(one["name"].as_str().unwrap_or("a builtin"), one, other);
-        }
+        self.named("a builtin", &a["builtins"], &b["builtins"]);
         self.typed("hit attribute", &a["attributes"], &b["attributes"]);
         self.typed("payload before", &a["payload_before"], &b["payload_before"]);
         let lines = common_lines(&a["lines"], &b["lines"]);
@@ -301,19 +306,24 @@ impl Comparison {
     }
 
     fn writes(&mut self, a: &Value, b: &Value) {
-        for (one, other) in pairs(a, b) {
-            let place = |write: &Value| match write {
-                Value::Null => "none".to_owned(),
-                write => match &write["member"] {
-                    Value::String(member) => format!("{} {member}", show(&write["resource"])),
-                    _ => format!("{} {}", show(&write["resource"]), write["at"]),
-                },
-            };
-            if place(one) == place(other) {
-                self.typed(&format!("what is written to {}", place(one)), &one["after"], &other["after"]);
-            } else {
-                self.differ("the next change in memory", Kind::Value, [place(one), place(other)]);
+        let place = |write: &Value| match &write["member"] {
+            Value::String(member) => format!("{} {member}", show(&write["resource"])),
+            _ => format!("{} {}", show(&write["resource"]), write["at"]),
+        };
+        let list = |value: &Value| value.as_array().map_or(&[][..], Vec::as_slice).to_vec();
+        let (of_a, of_b) = (list(a), list(b));
+        let changed = |all: &[Value], at: &str| all.iter().find(|one| place(one) == at).cloned();
+        for one in &of_a {
+            let at = place(one);
+            let what = format!("what is written to {at}");
+            match changed(&of_b, &at) {
+                Some(other) => self.typed(&what, &one["after"], &other["after"]),
+                None => self.differ(&what, Kind::Value, [show(&one["after"]), "no change".to_owned()]),
             }
+        }
+        for other in of_b.iter().filter(|other| changed(&of_a, &place(other)).is_none()) {
+            let what = format!("what is written to {}", place(other));
+            self.differ(&what, Kind::Value, ["no change".to_owned(), show(&other["after"])]);
         }
     }
 }
@@ -348,6 +358,19 @@ fn pairs<'a>(a: &'a Value, b: &'a Value) -> impl Iterator<Item = (&'a Value, &'a
     let (a, b) = (list(a), list(b));
     let at = |list: &'a [Value], at: usize| list.get(at).unwrap_or(&Value::Null);
     (0..a.len().max(b.len())).map(move |number| (at(a, number), at(b, number)))
+}
+
+/// The elements of two lists that have one name, in the order of the first list.
+fn of_one_name<'a>(a: &'a [Value], b: &'a [Value]) -> impl Iterator<Item = (&'a Value, &'a Value)> {
+    a.iter().filter_map(|one| Some((one, b.iter().find(|other| other["name"] == one["name"])?)))
+}
+
+/// Whether two runs are of one shader: of the same stage, and either of one name in their scenes or
+/// of one file and entry point.
+fn is_same_shader(a: &Value, b: &Value) -> bool {
+    let (one, other) = (&a["shader"], &b["shader"]);
+    let has_file = !one["file"].is_null() && one["file"] == other["file"] && one["entry"] == other["entry"];
+    one["stage"] == other["stage"] && (has_file || shader_name(a) == shader_name(b))
 }
 
 /// The members of a typed value that is a struct.
@@ -520,6 +543,50 @@ mod tests {
             (way.line.as_deref(), way.values),
             (Some("a.rgen:5: x = 2;"), ["runs".to_owned(), "does not run".to_owned()],)
         );
+    }
+
+    /// Runs of one shader that read other builtins: each is compared with its namesake.
+    #[test]
+    fn builtins_members_and_writes_are_compared_by_name() {
+        let value = |name: &str, ty: &str, value: f32| json!({ "name": name, "type": ty, "value": value });
+        let run = |builtins: Value| {
+            let shader =
+                json!({ "stage": "ClosestHitKHR", "name": "hit", "file": "a.rchit", "entry": "main" });
+            json!({ "root": { "kind": "shader", "shader": shader, "builtins": builtins } })
+        };
+        let one = run(json!([value("RayTmaxKHR", "float", 2.0)]));
+        let two = run(json!([value("HitKindKHR", "uint", 255.0), value("RayTmaxKHR", "float", 2.0)]));
+        assert_eq!(parting(&one, &two), Parting::default());
+        assert_eq!(parting(&two, &one), Parting::default());
+        let other = run(json!([value("HitKindKHR", "uint", 255.0), value("RayTmaxKHR", "float", 3.0)]));
+        let found = parting(&one, &other).value.expect("another t");
+        assert_eq!((found.what.as_str(), found.values), ("RayTmaxKHR", ["float 2".into(), "float 3".into()]));
+
+        let payload = |members: Value| json!({ "type": "P", "value": members });
+        let mut comparison = Comparison::default();
+        comparison.typed(
+            "payload",
+            &payload(json!([value("t", "float", 1.0)])),
+            &payload(json!([value("seen", "uint", 4.0), value("t", "float", 1.0)])),
+        );
+        assert_eq!(comparison.found, Parting::default());
+
+        let write = |member: &str, to: f32| json!({ "resource": "out", "member": member, "after": value("", "float", to) });
+        comparison
+            .writes(&json!([write("out[1]", 1.0)]), &json!([write("out[0]", 5.0), write("out[1]", 1.0)]));
+        let found = comparison.found.value.expect("one write more");
+        assert_eq!(found.what, "what is written to out out[0]");
+        assert_eq!(found.values, ["no change".to_owned(), "float 5".to_owned()]);
+    }
+
+    #[test]
+    fn a_shader_is_the_same_under_another_name_and_in_one_stage_alone() {
+        let run = |stage: &str, name: &str, file: &str| json!({ "shader": { "stage": stage, "name": name, "file": file, "entry": "main" } });
+        let of = |name: &str, file: &str| run("MissKHR", name, file);
+        assert!(is_same_shader(&of("sky", "a.rmiss"), &of("blue", "a.rmiss")));
+        assert!(is_same_shader(&of("sky", "a.rmiss"), &of("sky", "b.rmiss")));
+        assert!(!is_same_shader(&of("sky", "a.rmiss"), &of("blue", "b.rmiss")));
+        assert!(!is_same_shader(&of("all", "a.slang"), &run("ClosestHitKHR", "all", "a.slang")));
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Renders shader runs: what they were given, which lines ran, what they did.
 
 use crate::debug::executed_lines::{AssignedValue, ExecutedLine, PrintedText};
-use crate::debug::page::TextStyle;
+use crate::debug::page::{TextStyle, with_plural};
 use crate::debug::render::Writer;
 use crate::debug::render::words::{annotated, change, label, payload_label, source_suffix, value_rows};
 use crate::debug::transcript::{ExitKind, NamedValue, ShaderRun};
@@ -73,21 +73,38 @@ impl Writer<'_> {
             return;
         }
         self.page.blank_line();
-        let shown: Vec<&ExecutedLine> = lines.iter().filter(|line| !line.values.is_empty()).collect();
-        let rest = lines.len() - shown.len();
-        let mut file = None;
         self.page.line(self.page.styled(TextStyle::Heading, "lines that ran"));
-        let all = self.options.all;
-        for line in lines.iter().filter(|line| all || !line.values.is_empty()) {
-            if file != Some(&line.file) {
-                self.page.line(format_args!("  {}", self.page.styled(TextStyle::Dim, &line.file)));
-                file = Some(&line.file);
+        if let Some(most) = self.options.last_lines {
+            let cut = lines.len().saturating_sub(most);
+            if cut > 0 {
+                let text = format!("  {} before these", with_plural(cut as u64, "line"));
+                self.page.line(self.page.styled(TextStyle::Dim, text));
             }
-            self.executed_line(line, width(&shown));
+            let shown: Vec<&ExecutedLine> = lines[cut..].iter().collect();
+            self.executed_lines(&shown, width(&shown));
+            return;
+        }
+        let valued: Vec<&ExecutedLine> = lines.iter().filter(|line| !line.values.is_empty()).collect();
+        let rest = lines.len() - valued.len();
+        let width = width(&valued);
+        match self.options.all {
+            true => self.executed_lines(&lines.iter().collect::<Vec<_>>(), width),
+            false => self.executed_lines(&valued, width),
         }
         if rest > 0 && !self.options.all {
             let text = format!("  {rest} more, which set no variable (--all shows them)");
             self.page.line(self.page.styled(TextStyle::Dim, text));
+        }
+    }
+
+    fn executed_lines(&mut self, lines: &[&ExecutedLine], width: usize) {
+        let mut file = None;
+        for line in lines {
+            if file != Some(&line.file) {
+                self.page.line(format_args!("  {}", self.page.styled(TextStyle::Dim, &line.file)));
+                file = Some(&line.file);
+            }
+            self.executed_line(line, width);
         }
     }
 

@@ -61,6 +61,7 @@ pub fn scene(
         let message = "no module has an entry point of a ray-tracing or compute stage";
         return Err(Error::new(ErrorKind::InvalidArgument, message));
     }
+    shaders.check_types()?;
     let text = shaders.whole_scene(folder)?;
     atomic_file::write(file, &text)?;
     let failure = run(file, files, limits).err();

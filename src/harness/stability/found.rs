@@ -42,6 +42,12 @@ pub struct LineFindings {
     pub integers: u64,
     /// Rays whose shadow hits a different primitive.
     pub hits: u64,
+    /// Floats read from an image or buffer that its storage had rounded, beyond what is reported.
+    #[serde(default)]
+    pub read_back: u64,
+    /// The least bits that such a float was stored in; 0 where there was none.
+    #[serde(default)]
+    pub storage_bits: u32,
 }
 
 impl LineFindings {
@@ -68,6 +74,11 @@ impl LineFindings {
         self.branches = self.branches.saturating_add(other.branches);
         self.integers = self.integers.saturating_add(other.integers);
         self.hits = self.hits.saturating_add(other.hits);
+        self.read_back = self.read_back.saturating_add(other.read_back);
+        self.storage_bits = match (self.storage_bits, other.storage_bits) {
+            (0, bits) | (bits, 0) => bits,
+            (one, other) => one.min(other),
+        };
     }
 }
 

@@ -23,6 +23,7 @@ mod shadow_interpreter;
 mod shadow_value;
 mod shadows;
 mod stable;
+mod texel_shadows;
 
 pub(in crate::harness) use allowed::device_result;
 pub use envelope::Envelope;

@@ -68,6 +68,8 @@ impl ShadowFindings {
                 "branches_flipped": found.branches,
                 "integers_changed": found.integers,
                 "hits_changed": found.hits,
+                "read_back": found.read_back,
+                "storage_bits": found.storage_bits,
                 "matters": found.is_significant(),
             })
         };
@@ -81,6 +83,13 @@ fn notes(location: &SourceLocation, found: &LineFindings) -> String {
     let mut text = String::new();
     if found.not_finite > 0 {
         let _ = write!(text, "\n      {} infinite or NaN where f64 is not, or only there", found.not_finite);
+    }
+    if found.read_back > 0 {
+        let _ = write!(
+            text,
+            "\n      {} read again that storage in {} bits had rounded",
+            found.read_back, found.storage_bits
+        );
     }
     if let (Some(source), true) = (&location.text, location.line > 0) {
         let _ = write!(text, "\n      {source}");

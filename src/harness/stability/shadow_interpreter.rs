@@ -4,12 +4,14 @@
 use std::collections::HashMap;
 
 use crate::accel::Candidate;
-use crate::harness::stability::found::{LineFindings, ShadowFindings};
+use crate::harness::stability::found::{LineFindings, REPORTED_ERROR, ShadowFindings};
 use crate::harness::stability::probe::{Probe, RunPart};
 use crate::harness::stability::rays::{RayOperandOffset, RayShadow, ShadowedQuery, ShadowedTrace};
 use crate::harness::stability::shadow_context::{Memory, ShadowContext};
 use crate::harness::stability::shadow_value::ShadowValue;
 use crate::harness::stability::shadows::{ShadowFrame, TexelError, WaitsFor, bits, float};
+use crate::harness::stability::texel_shadows;
+use crate::machine::format::Class;
 use crate::machine::object::ObjectRef;
 use crate::machine::{Batch, Bindings, BlockIndex, Exit, OpIndex, Reg};
 use crate::module::interface::Stage;
@@ -210,7 +212,25 @@ impl<'a> ShadowInterpreter<'a> {
         }
     }
 
-    fn memory_op(&mut self, batch: &Batch<1>, bindings: &Bindings, op: &memory::MemoryOp) {
+    /// Compares a number that was stored in fewer bits than it was computed in with its shadow.
+    fn read_back(&mut self, offset: u32, own: f64, value: f64, width: u32) {
+        let launch_id = self.launch_id;
+        let error = relative_difference(own, value);
+        if width >= 32 || error <= REPORTED_ERROR {
+            return;
+        }
+        let Some(found) = self.findings_at(offset) else { return };
+        found.read_back += 1;
+        found.storage_bits = match found.storage_bits {
+            0 => width,
+            known => known.min(width),
+        };
+        if error > found.error {
+            (found.error, found.launch_id) = (error, launch_id);
+        }
+    }
+
+    fn memory_op(&mut self, batch: &Batch<1>, bindings: &Bindings, op: &memory::MemoryOp, offset: u32) {
         let Some(frame) = self.frames.last_mut() else { return };
         let at = |first: Reg, register: Reg| first.computed(batch.registers[register].0[0]);
         match *op {
@@ -232,9 +252,17 @@ impl<'a> ShadowInterpreter<'a> {
             }
             memory::MemoryOp::BufferLoad { to, chunk } => {
                 let keys = memory_keys(batch, bindings, &chunk);
+                let mut halves = Vec::new();
                 for word in 0..chunk.count {
                     let known = keys.and_then(|key| self.memory.get(&key(word)).copied());
                     frame.set(to.plus(word), known);
+                    let bits = bits(batch, to.plus(word), 1);
+                    if let Some(entry) = known.filter(|entry| chunk.width == 16 && entry.bits == bits) {
+                        halves.push((float(bits, 16), entry.value));
+                    }
+                }
+                for (own, value) in halves {
+                    self.read_back(offset, own, value, 16);
                 }
             }
             memory::MemoryOp::BufferStore { from, chunk } => {
@@ -504,17 +532,33 @@ impl Probe for ShadowInterpreter<'_> {
         let context = self.context;
         let (shader, at) = (frame.shader, op.index());
         let program = &context.programs.all[shader];
+        let mut read_back = Vec::new();
         match &program.ops[at] {
             Op::LaneKernel { kernel, to, from } => {
                 let offset = program.origins[at].offset;
                 self.lane_kernel(batch, offset, context.shadow_ops[shader][at], kernel, *to, from);
             }
-            Op::Memory(op) => self.memory_op(batch, bindings, op),
+            Op::Memory(op) => {
+                let offset = program.origins[at].offset;
+                self.memory_op(batch, bindings, op, offset);
+            }
             Op::RayQuery(op) => self.ray_query_op(batch, program.origins[at].offset, op),
             Op::Image(ImageOp::Write(op)) if op.is_float() => {
                 if let (Some(id), false) = (self.launch_id, self.dispatch) {
                     let ulps = frame.texel_ulps(batch, op);
                     self.texel_errors.push(TexelError { launch: self.launch, id, ulps });
+                }
+                self.memory.extend(texel_shadows::stored(frame, batch, bindings, op));
+            }
+            Op::Image(ImageOp::Read(op)) if op.texel.view.class == Class::Float => {
+                let offset = program.origins[at].offset;
+                for read in texel_shadows::read(batch, bindings, op) {
+                    let known = self.memory.get(&read.key).filter(|entry| entry.bits == read.bits).copied();
+                    frame.set(read.to, known);
+                    if let Some(entry) = known {
+                        let own = f64::from(f32::from_bits(read.bits as u32));
+                        read_back.push((offset, own, entry.value, read.width));
+                    }
                 }
             }
             other => other.accesses(|access| {
@@ -522,6 +566,9 @@ impl Probe for ShadowInterpreter<'_> {
                     frame.invalidate(first, count);
                 }
             }),
+        }
+        for (offset, own, value, width) in read_back {
+            self.read_back(offset, own, value, width);
         }
     }
 

@@ -10,6 +10,7 @@ mod result;
 mod run;
 mod tester;
 
+pub use crate::harness::explain::EXPLAINED_LINES;
 #[cfg(feature = "cli")]
 pub use junit::junit;
 pub use kept_finding::KeptFinding;
@@ -19,7 +20,7 @@ pub use result::{CaseResult, Ended, SuiteResult, SuiteWhole, TestResult};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use crate::debug::transcript::TranscriptLine;
+use crate::debug::transcript::{Hint, TranscriptLine};
 use crate::error::{Error, Result};
 use crate::harness::case::{Case, FoundFiles, scenes};
 use crate::harness::expect::Fix;
@@ -96,8 +97,13 @@ pub struct TestFailure {
     pub errors: Vec<Error>,
     /// The line of a shader that wrote the first wrong number, or trapped.
     pub line: Option<TranscriptLine>,
-    /// The ray that the first difference is about, explained: the text of `trace-one-ray`.
+    /// The ray or invocation that the first difference is about, explained: the text of
+    /// `trace-one-ray`.
     pub explanation: Option<String>,
+    /// Whether it is of an invocation of a dispatch.
+    pub is_dispatch: bool,
+    /// The hints of that explanation.
+    pub hints: Vec<Hint>,
     /// The explanation in colour, where that was asked for.
     pub coloured_explanation: Option<String>,
     /// The command that explains it again.

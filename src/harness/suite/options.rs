@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use crate::harness::explain::EXPLAINED_LINES;
 use crate::harness::many_seeds::ManySeeds;
 use crate::harness::stability::Perturbation;
 use crate::machine::LaunchLimits;
@@ -40,6 +41,8 @@ pub struct SuiteOptions {
     pub becomes_baseline: bool,
     /// Whether the explanation of the ray is left out of failures.
     pub no_explanation: bool,
+    /// At most so many lines of each any-hit and intersection shader that decided are shown.
+    pub explained_lines: usize,
     /// Whether explanations are in colour.
     pub colour: bool,
     /// The limits of running; by default those of [`LaunchLimits::TESTS`].
@@ -66,6 +69,7 @@ impl Default for SuiteOptions {
             known: None,
             becomes_baseline: false,
             no_explanation: false,
+            explained_lines: EXPLAINED_LINES,
             colour: false,
             limits: RunLimits { default: LaunchLimits::TESTS, ..RunLimits::default() },
             pictures: PathBuf::new(),

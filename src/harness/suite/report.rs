@@ -68,8 +68,15 @@ fn around(failure: &TestFailure, explanation: Option<&String>) -> String {
             let _ = writeln!(out, "  {}", path.display());
         }
     }
-    if let Some(explanation) = explanation {
-        let _ = writeln!(out, "the ray, explained:\n{}", indented(explanation, "  ").trim_end());
+    match explanation {
+        Some(explanation) => {
+            let what = if failure.is_dispatch { "invocation" } else { "ray" };
+            let _ = writeln!(out, "the {what}, explained:\n{}", indented(explanation, "  ").trim_end());
+        }
+        // The explanation has them, too.
+        None => failure.hints.iter().for_each(|hint| {
+            let _ = writeln!(out, "hint: {}", hint.text);
+        }),
     }
     if let Some(command) = &failure.command {
         let _ = writeln!(out, "see also: {command}");
@@ -282,6 +289,7 @@ pub(super) fn test_json(finished: &Finished) -> Value {
             test["differences"] = failure.errors.iter().map(error).collect();
             test["line"] = json!(failure.line);
             test["explanation"] = json!(failure.explanation);
+            test["hints"] = json!(failure.hints);
             test["command"] = json!(failure.command);
             let paths: Vec<String> = failure.pictures.iter().map(|path| path.display().to_string()).collect();
             test["pictures"] = json!(paths);

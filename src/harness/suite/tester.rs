@@ -2,12 +2,14 @@
 
 use std::path::Path;
 
+use crate::debug::line_recorder::FollowedRuns;
 use crate::debug::render::{self, RenderOptions};
 use crate::debug::session::ResolvedRequest;
+use crate::debug::source_text::source_text;
 use crate::debug::transcript::TranscriptLine;
-use crate::debug::{ExplainRequest, Session, command, shell};
+use crate::debug::{ExplainRequest, Session, Transcript, command, shell};
 use crate::error::{Error, ErrorKind, Place, Result};
-use crate::harness::blame::{Writer, writer};
+use crate::harness::blame::{Blame, blame};
 use crate::harness::case::Loaded;
 use crate::harness::coverage::Recorder;
 #[cfg(feature = "cli")]
@@ -26,7 +28,13 @@ use crate::harness::suite::options::SuiteOptions;
 use crate::harness::suite::{Outcome, Part, Test, TestFailure, pictures};
 use crate::sanitize::{Findings, Levels};
 use crate::scene::file::{GivenRay, RayEntry};
+use crate::scene::files::Files;
 use crate::scene::sanitize_table::scene_levels;
+
+/// Of how many differences the origin is searched, each by a run of its own.
+const BLAMED: usize = 6;
+/// Of larger tests only that of the first difference is.
+const BLAMED_INVOCATIONS: u64 = 4096;
 
 /// One test of a loaded case.
 pub(super) struct Tester<'a> {
@@ -229,6 +237,8 @@ impl Tester<'_> {
             errors: Vec::new(),
             line: None,
             explanation: None,
+            is_dispatch: false,
+            hints: Vec::new(),
             coloured_explanation: None,
             command: None,
             pictures: Vec::new(),
@@ -238,18 +248,20 @@ impl Tester<'_> {
         // What was stopped by a limit runs no second time.
         let stopped = differences.iter().any(|one| one.error.trap().is_some_and(|trap| trap.code.is_limit()));
         let skip = self.options.bless && mendable || stopped;
-        let writer = if skip { None } else { writer(self.loaded, &first.subject, ray) };
-        failure.line = writer.as_ref().and_then(|writer| writer.line.clone()).or_else(|| place(&first.error));
+        let blame = if skip { Blame::default() } else { blame(self.loaded, &first.subject, ray) };
+        failure.line = blame.line.clone().or_else(|| place(&first.error));
         if !skip {
-            self.explain(&first.subject, ray, writer.as_ref(), &mut failure);
+            self.explain(&first.subject, ray, &blame, &mut failure);
         }
-        let note = writer.as_ref().and_then(Writer::note);
+        let is_small = self.loaded.assembled.invocations() <= BLAMED_INVOCATIONS;
         for (at, difference) in shown().enumerate() {
-            let mut error = difference.error.clone();
-            if let Some(note) = note.as_ref().filter(|_| at == told) {
-                error = error.note(note);
-            }
-            failure.errors.push(error);
+            let notes = match at == told {
+                true => blame.notes.clone(),
+                // What is wrong elsewhere has an origin, too; its page the command shows.
+                false if !skip && is_small && at < BLAMED => self.notes_on(difference, ray),
+                false => Vec::new(),
+            };
+            failure.errors.push(notes.into_iter().fold(difference.error.clone(), Error::note));
         }
         if !skip {
             let mut saved: Vec<&str> = Vec::new();
@@ -273,6 +285,14 @@ impl Tester<'_> {
         Outcome::Failed(Box::new(failure))
     }
 
+    /// Who wrote what a difference is about.
+    fn notes_on(&self, difference: &Difference, ray: Option<usize>) -> Vec<String> {
+        match difference.subject {
+            Subject::Launch | Subject::Invocation(_) => Vec::new(),
+            _ => blame(self.loaded, &difference.subject, ray).notes,
+        }
+    }
+
     /// Saves the page about a picture that differs. Without it the pictures still stand.
     #[cfg(feature = "cli")]
     fn add_page(&self, picture: &PictureDifference, failure: &mut TestFailure) {
@@ -285,31 +305,14 @@ impl Tester<'_> {
         }
     }
 
-    /// Explains the ray that a difference is about.
-    fn explain(
-        &self,
-        subject: &Subject,
-        ray: Option<usize>,
-        writer: Option<&Writer>,
-        failure: &mut TestFailure,
-    ) {
+    /// Explains the ray or invocation that a difference is about.
+    fn explain(&self, subject: &Subject, ray: Option<usize>, blame: &Blame, failure: &mut TestFailure) {
         let scene = &self.loaded.scene;
         let by_name = |name: &String| scene.rays.iter().find(|ray| ray.name() == Some(name));
-        let assembled = &self.loaded.assembled;
-        let size = assembled.single_launch(None).map_or(assembled.size, |single| single.size);
-        let wrote = writer.and_then(|writer| writer.invocation).map(|(number, id)| {
-            let pass = assembled.is_frame().then(|| assembled.passes[number].key(number));
-            in_pass(pass, ExplainRequest::Pixel(id))
-        });
         let request = match (ray, subject) {
             (Some(ray), _) => scene.rays.get(ray).map(request),
             (None, Subject::Ray(name, _)) => by_name(name).map(request),
-            (None, Subject::Invocation(id)) => Some(ExplainRequest::Pixel(*id)),
-            (None, _) if wrote.is_some() => wrote,
-            (None, Subject::Texel(_, [x, y])) if *x < size[0] && *y < size[1] => {
-                Some(ExplainRequest::Pixel([*x, *y, 0]))
-            }
-            _ => None,
+            _ => blame.request.clone(),
         };
         let Some(request) = request else { return };
         failure.command = Some(command_line(&scene.path.display().to_string(), &request));
@@ -317,11 +320,19 @@ impl Tester<'_> {
             return;
         }
         // Without an explanation the difference still stands.
-        let Ok((transcript, _)) = Session::new(scene.clone()).and_then(|session| session.run(&request))
-        else {
-            return;
+        let lines = self.options.explained_lines;
+        let follow = |transcript: &Transcript| match lines {
+            0 => FollowedRuns::Only(Vec::new()),
+            _ => FollowedRuns::of_deciders(&transcript.root),
         };
-        let text = |colour| render::text(&transcript, RenderOptions { colour, ..RenderOptions::default() });
+        let mut read = |name: &str| source_text(&scene.path, name, &mut |path| scene.files.read(path).ok());
+        let explained = Session::new(scene.clone())
+            .and_then(|session| session.run_with_lines(&request, &follow, &mut read));
+        let Ok((transcript, _)) = explained else { return };
+        failure.is_dispatch = transcript.dispatch.is_some();
+        failure.hints.clone_from(&transcript.hints);
+        let options = RenderOptions { summary: true, last_lines: Some(lines), ..RenderOptions::default() };
+        let text = |colour| render::text(&transcript, RenderOptions { colour, ..options });
         failure.explanation = Some(text(false));
         failure.coloured_explanation = self.options.colour.then(|| text(true));
     }
@@ -370,11 +381,17 @@ fn arguments(request: &ExplainRequest) -> String {
         },
         ExplainRequest::Named(name) => named(name),
         ExplainRequest::Invocation { dispatch, id: [x, y, z] } => {
-            format!(" --invocation {x},{y},{z} --dispatch {dispatch}")
+            let dispatch = if *dispatch == 0 { String::new() } else { format!(" --dispatch {dispatch}") };
+            format!(" --invocation {x},{y},{z}{dispatch}")
         }
         ExplainRequest::Default => String::new(),
         ExplainRequest::InPass(pass, request) => {
-            format!("{} --pass {}", arguments(request), shell::word(pass))
+            // The pass says which dispatch.
+            let request = match **request {
+                ExplainRequest::Invocation { id, .. } => ExplainRequest::Invocation { dispatch: 0, id },
+                ref request => request.clone(),
+            };
+            format!("{} --pass {}", arguments(&request), shell::word(pass))
         }
     }
 }

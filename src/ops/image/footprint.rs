@@ -37,7 +37,7 @@ pub struct FootprintOp {
     pub view: View,
     /// The image's handle.
     pub image: Reg,
-    sampler: Reg,
+    pub(super) sampler: Reg,
     coordinate: Words,
     granularity: Reg,
     coarse: Reg,

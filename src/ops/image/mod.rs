@@ -33,7 +33,7 @@ pub mod view;
 use rspirv::spirv::Op as Opcode;
 
 use crate::error::Result;
-use crate::machine::{Batch, Bindings, Mask, Reg, Registers, TrapCode};
+use crate::machine::{AccessFault, Batch, Bindings, Mask, Reg, Registers, TrapCode};
 
 use crate::ops::access::Access;
 use crate::ops::image::reader::LaneReader;
@@ -156,11 +156,36 @@ impl ImageOp {
         match self {
             Self::Read(op) => op.texel.record_fault(batch, lane, bindings),
             Self::Write(op) => op.texel.record_fault(batch, lane, bindings),
-            Self::Sample(op) => record_view_fault(batch, lane, op.view, op.image, bindings),
+            Self::Sample(op) => {
+                record_sampled_fault(batch, lane, [(op.view, op.image, op.sampler)].into_iter(), bindings)
+            }
             Self::Query(op) => record_view_fault(batch, lane, op.view, op.image, bindings),
-            Self::Footprint(op) => record_view_fault(batch, lane, op.view, op.image, bindings),
-            Self::Process(op) => record_view_fault(batch, lane, op.view(), op.image(), bindings),
+            Self::Footprint(op) => {
+                record_sampled_fault(batch, lane, [(op.view, op.image, op.sampler)].into_iter(), bindings)
+            }
+            Self::Process(op) => record_sampled_fault(batch, lane, op.sampled_images(), bindings),
         }
+    }
+}
+
+/// Stores the descriptor that a lane did not find: the first image or sampler of these; where all
+/// of them are there, the first image.
+fn record_sampled_fault<const W: usize>(
+    batch: &mut Batch<W>,
+    lane: usize,
+    sampled: impl Iterator<Item = (View, Reg, Reg)> + Clone,
+    bindings: &Bindings,
+) {
+    let reader = LaneReader::new(&batch.registers, lane, bindings);
+    let missing = sampled.clone().find_map(|(view, image, sampler)| {
+        if reader.image(view, image).is_err() {
+            return Some(view.fault(bindings, reader.word(image)));
+        }
+        reader.sampler(sampler).is_err().then(|| AccessFault::sampler(reader.word(sampler), bindings))
+    });
+    let first = || sampled.clone().next().map(|(view, image, _)| view.fault(bindings, reader.word(image)));
+    if let Some(fault) = missing.or_else(first) {
+        batch.record_access_fault(lane, fault);
     }
 }
 

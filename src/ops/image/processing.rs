@@ -91,14 +91,16 @@ impl ProcessOp {
         [self.target.image].into_iter().chain(other)
     }
 
-    /// The target image's handle.
-    pub fn image(&self) -> Reg {
-        self.target.image
-    }
-
-    /// The declared view of that image.
-    pub fn view(&self) -> View {
-        self.target.view
+    /// The declared view, the image's handle and the sampler's: those of the target, then those of
+    /// the weights or the reference.
+    pub fn sampled_images(&self) -> impl Iterator<Item = (View, Reg, Reg)> + Clone {
+        let other = match self.kind {
+            ProcessKind::Weighted(weights) => Some(weights),
+            ProcessKind::BlockMatch { reference, .. } => Some(reference),
+            ProcessKind::BoxFilter(_) => None,
+        };
+        let parts = |one: SampledImageRef| (one.view, one.image, one.sampler);
+        [Some(self.target), other].into_iter().flatten().map(parts)
     }
 
     /// See [`crate::ops::op::Op::accesses`].
