@@ -565,3 +565,79 @@ fn glsl_is_compiled_once_for_each_list_of_flags() {
     let output = command.arg("test").arg(&folder.0).env("ANYHIT_CACHE", "off").output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stdout));
 }
+
+/// What `anyhit compile` says with a script in place of a compiler, and its exit code.
+#[cfg(unix)]
+fn with_script(name: &str, variable: &str, tool: &str, script: &str) -> (Option<i32>, String) {
+    use std::os::unix::fs::PermissionsExt;
+    let folder = Folder::new(name);
+    folder.write("a.rmiss", GLSL_MISS);
+    folder.write("a.slang", SLANG_MISS);
+    folder.write(tool, &format!("#!/bin/sh\n{script}\n"));
+    let path = folder.0.join(tool);
+    std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o755)).unwrap();
+    let source = if variable == "SLANGC" { "a.slang" } else { "a.rmiss" };
+    let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_anyhit"));
+    command.args(["compile", source]).current_dir(&folder.0).env(variable, &path);
+    // Nothing of it is kept.
+    command.env("XDG_CACHE_HOME", folder.0.join("cache"));
+    let output = command.output().unwrap();
+    (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
+}
+
+/// The tools that the environment names: a compiler that crashes has not judged the source.
+#[cfg(unix)]
+#[test]
+fn a_compiler_that_crashes_or_writes_nothing_is_told_as_such() {
+    for (variable, tool) in [("SLANGC", "slangc"), ("GLSLANG", "glslangValidator"), ("GLSLANG", "glslc")] {
+        let run = |name: &str, script: &str| with_script(&format!("{name}-{tool}"), variable, tool, script);
+        let (code, said) = run("killed", "echo 'half a message' >&2; kill -SEGV $$");
+        assert_eq!(code, Some(4), "{said}");
+        assert!(said.contains(&format!("the compiler `{tool}` was ended by signal 11 (SIGSEGV)")), "{said}");
+        assert!(said.contains("it printed: half a message"), "{said}");
+        let (code, said) = run("aborted", "kill -ABRT $$");
+        assert_eq!(code, Some(4), "{said}");
+        assert!(said.contains("signal 6 (SIGABRT)"), "{said}");
+        let (code, said) = run("silent", "exit 3");
+        assert_eq!(code, Some(4), "{said}");
+        assert!(said.contains("ended with exit code 3 and printed nothing"), "{said}");
+        let (code, said) = run("nothing", "echo 'all is well'; exit 0");
+        assert_eq!(code, Some(4), "{said}");
+        assert!(said.contains("ended without an error and wrote no module"), "{said}");
+        assert!(said.contains("it printed: all is well") && !said.contains("out.spv"), "{said}");
+        // What it prints to standard output alone is its message.
+        let (code, said) = run("stdout", "echo 'the licence has expired'; exit 1");
+        assert_eq!(code, Some(2), "{said}");
+        assert!(said.contains("the licence has expired"), "{said}");
+    }
+}
+
+#[test]
+fn notes_of_slangc_say_where_a_feature_is_used() {
+    if !skipped::has_slangc(test_name!()) {
+        return;
+    }
+    let text = "RWStructuredBuffer<float> o;\nvoid ignore() { IgnoreHit(); }\n\
+        [shader(\"compute\")][numthreads(1, 1, 1)] void main() { ignore(); o[0] = 1; }\n";
+    let source = Source::from_text("a.slang", text).unwrap();
+    let report = source.compile(&CompileOptions::default()).unwrap_err().render();
+    assert!(report.contains("a.slang:2:17: see using of 'IgnoreHit'"), "{report}");
+}
+
+/// naga's writer of SPIR-V does not know external textures, and panics at them.
+#[cfg(feature = "wgsl")]
+#[test]
+fn what_naga_cannot_write_is_told_with_its_line() {
+    let text = "@group(0) @binding(0) var<storage, read_write> out: f32;\n\
+        @group(0) @binding(1) var video: texture_external;\n\
+        @compute @workgroup_size(1) fn main() { out = f32(textureDimensions(video).x); }\n";
+    let source = Source::from_text("a.wgsl", text).unwrap();
+    let error = source.compile(&CompileOptions::default()).unwrap_err();
+    let report = error.render();
+    assert_eq!(error.kind(), ErrorKind::InvalidSource, "{report}");
+    assert!(
+        !report.contains("panicked") && !report.contains(".cargo") && !report.contains("/src/"),
+        "{report}"
+    );
+    assert!(report.contains("a.wgsl"), "{report}");
+}

@@ -248,7 +248,8 @@ fn the_any_hit_shader_that_decided_shows_its_lines_and_the_hints_stand_above() {
     holds(&text, &["9  if (sum > 0.6)", "11  payload.colour.y = sum;"]);
     // As JSON, the hints are told apart.
     let text = leaf("json", "origin = [0, 0, 3]\nexpect = { t = 3 }", &["--format", "json"]);
-    let json: serde_json::Value = serde_json::from_str(text.split("error:").next().unwrap()).expect("JSON");
+    let json: serde_json::Value =
+        serde_json::from_str(text.rsplit_once("\nerror:").expect("the verdict").0).expect("JSON");
     assert_eq!(json["tests"][0]["hints"][0]["kind"], "all_ignored", "{text}");
 }
 
@@ -383,6 +384,7 @@ fn of_a_shared_binding_the_variable_is_named_whose_kind_is_missing() {
     let head = |declared: &str, body: &str| {
         format!(
             "#version 460\n#extension GL_EXT_ray_query : require\n#extension GL_EXT_nonuniform_qualifier : require\n\
+             #extension GL_EXT_samplerless_texture_functions : require\n\
              layout(local_size_x = 1) in;\n{declared}\n\
              layout(set = 0, binding = 1) buffer Result {{ vec4 result; }};\nvoid main() {{ {body} }}\n"
         )
@@ -430,4 +432,27 @@ fn of_a_shared_binding_the_variable_is_named_whose_kind_is_missing() {
         let (code, text) = anyhit(name, &files, &["run", "scene.toml"]);
         assert_eq!(code, Some(0), "{name}: {text}");
     }
+}
+
+#[test]
+fn assertions_of_rust_show_the_lines_that_decided() -> anyhit::Result<()> {
+    use anyhit::{Explain, LoadedScene, Ray};
+    let loaded = LoadedScene::open("shaders/pass/testing/leaves/scene.toml")?;
+    let (pipeline, scene) = loaded.pipeline()?;
+    // Primitive 0 is a hole, at z = 1; behind it is a leaf.
+    let text = pipeline.trace(&scene, Ray::new([0.0, 0.0, 4.0], [0.0, 0.0, -1.0]))?.explain();
+    holds(
+        &text,
+        &[
+            "lines that ran",
+            "shaders/pass/testing/leaves/hole.rahit",
+            "if (gl_PrimitiveID == 0) {",
+            "ignoreIntersectionEXT;",
+        ],
+    );
+    // Up to the hole alone, at t 3.
+    let ray = Ray { t_max: 3.5, ..Ray::new([0.0, 0.0, 4.0], [0.0, 0.0, -1.0]) };
+    let text = pipeline.trace(&scene, ray)?.explain();
+    holds(&text, &["hint  ray at depth 1: it misses as any-hit ignored its 1 candidate"]);
+    Ok(())
 }

@@ -184,3 +184,71 @@ fn operands_are_followed_through_calls() {
     holds(&scene, &["miss = [{ shader = \"miss\", record = { zeros = 4 } }, {}]"]);
     assert!(!text.contains("does not run yet"), "{text}\n{scene}");
 }
+
+/// What `--init` says of GLSL sources, by their names.
+#[cfg(feature = "glsl")]
+fn of_sources(name: &str, sources: &[(&str, &str)], command: &[&str]) -> (Option<i32>, String) {
+    let folder = scratch(name);
+    for (file, text) in sources {
+        let text = format!("#version 460\n#extension GL_EXT_ray_tracing : require\n{text}");
+        std::fs::write(folder.join(file), text).expect("a writable folder");
+    }
+    let mut arguments: Vec<&str> = command.to_vec();
+    arguments.extend(sources.iter().map(|(file, _)| *file));
+    if command[0] == "test" {
+        arguments.push("case");
+    }
+    let (code, mut text) = anyhit(&folder, &arguments);
+    text += &std::fs::read_to_string(folder.join("scene.toml")).unwrap_or_default();
+    (code, text)
+}
+
+#[cfg(feature = "glsl")]
+#[test]
+fn shaders_that_do_not_fit_are_refused_with_both_types() {
+    const CHIT: &str = "struct Payload { vec3 colour; float t; };\nlayout(location = 0) rayPayloadInEXT Payload payload;\n\
+        hitAttributeEXT vec2 at;\nvoid main() { payload.colour = vec3(at, 0); }\n";
+    const SHADOW: &str = "struct Shadow { uint light; };\nlayout(location = 0) rayPayloadInEXT Shadow shadow;\n\
+        void main() { shadow.light = 1u; }\n";
+    const WIDE: &str = "struct Payload { vec3 colour; float t; };\nlayout(location = 0) rayPayloadInEXT Payload payload;\n\
+        hitAttributeEXT vec3 at;\nvoid main() { payload.colour = at; }\n";
+    const RINT: &str =
+        "hitAttributeEXT uvec2 cell;\nvoid main() { cell = uvec2(1); reportIntersectionEXT(1.0, 0u); }\n";
+    const RGEN: &str = "struct Payload { vec3 colour; float t; };\nlayout(location = 0) rayPayloadEXT Payload payload;\n\
+        layout(set = 0, binding = 0) uniform accelerationStructureEXT world;\n\
+        struct Data { vec4 all; };\nlayout(location = 0) callableDataEXT Data data;\n\
+        void main() { traceRayEXT(world, 0, 255, 0, 0, 0, vec3(0), 0.0, vec3(1), 9.0, 0); executeCallableEXT(0, 0); }\n";
+    const CALL: &str = "struct Other { int n; };\nlayout(location = 0) callableDataInEXT Other data;\nvoid main() { data.n = 1; }\n";
+    for command in [&["scene", "--init"][..], &["test", "--init"]] {
+        let refused = |name: &str, sources: &[(&str, &str)], words: &[&str]| {
+            let (code, text) = of_sources(&format!("{name}-{}", command[0]), sources, command);
+            assert_eq!(code, Some(2), "{text}");
+            holds(&text, words);
+        };
+        let payloads = ["Payload { vec3 colour, float t }", "Shadow { uint light }", "payload differ"];
+        refused("any-hit", &[("a.rchit", CHIT), ("b.rahit", SHADOW)], &payloads);
+        refused(
+            "attributes",
+            &[("a.rchit", CHIT), ("b.rint", RINT)],
+            &["hit attributes differ", ": vec2", ": uvec2"],
+        );
+        refused("wide", &[("a.rchit", WIDE)], &["reports its hit attributes", ": vec3"]);
+        refused("miss", &[("a.rgen", RGEN), ("b.rmiss", SHADOW)], &payloads);
+        refused(
+            "callable",
+            &[("a.rgen", RGEN), ("b.rcall", CALL)],
+            &["callable data differ", "Other { int n }", "Data { vec4 all }"],
+        );
+    }
+    // Any-hit shaders go to the hit group that they fit, whatever the order, and those of rays of
+    // another kind have groups of their own.
+    let any = CHIT.replace("hitAttributeEXT vec2 at;", "").replace("vec3(at, 0)", "vec3(1)");
+    let plain = CHIT.replace("vec3(at, 0)", "vec3(at, 1)");
+    let sources = [("a.rahit", SHADOW), ("b.rahit", any.as_str()), ("a.rchit", &plain), ("a.rmiss", SHADOW)];
+    let (code, text) = of_sources("pairs", &sources, &["scene", "--init"]);
+    assert_eq!(code, Some(0), "{text}");
+    holds(
+        &text,
+        &["{ closest_hit = \"closest_hit\", any_hit = \"any_hit_2\" }", "{ any_hit = \"any_hit\" }"],
+    );
+}

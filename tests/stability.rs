@@ -276,3 +276,89 @@ fn watched_dispatches_and_buffers_have_shadows() -> Result<()> {
     assert!(one.results > 0 && one.results < found.results);
     Ok(())
 }
+
+/// A dispatch that adds 5000 times 3/4 to what is stored in 16 bits or fewer, and reads it again.
+#[cfg(feature = "glsl")]
+fn stored(name: &str, head: &str, declared: &str, body: &str, resource: &str) -> Value {
+    let folder = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("stored").join(name);
+    std::fs::create_dir_all(&folder).expect("a writable folder");
+    let shader = format!(
+        "#version 460\n{head}\nlayout(local_size_x = 1) in;\n{declared}\nvoid main() {{\n\
+         \x20   for (int i = 0; i < 5000; ++i)\n        {body}\n}}\n"
+    );
+    std::fs::write(folder.join("a.comp"), shader).expect("a writable folder");
+    let scene = format!(
+        "version = 1\n[shaders]\na = 'a.comp'\n[[dispatch]]\nshader = 'a'\n[resources.sum]\nbinding = 0\n{resource}\n"
+    );
+    let path = folder.join("scene.toml");
+    std::fs::write(&path, scene).expect("a writable folder");
+    let output = anyhit(&["run", &path.display().to_string(), "--shadow", "--json"], "1");
+    assert!(output.status.success(), "{output:?}");
+    json(&output)
+}
+
+#[cfg(feature = "glsl")]
+#[test]
+fn storage_in_few_bits_is_reported_where_it_is_read_again() {
+    const HALF: &str = "#extension GL_EXT_shader_16bit_storage : require\n#extension GL_EXT_shader_explicit_arithmetic_types_float16 : require";
+    let image =
+        |format: &str| format!("type = 'storage_image'\nformat = '{format}'\nsize = [1, 1]\nfill = 0");
+    let declared = |format: &str| format!("layout(binding = 0, {format}) uniform image2D sum;");
+    let add = |by: &str| format!("imageStore(sum, ivec2(0), vec4(imageLoad(sum, ivec2(0)).x + {by}));");
+    let buffer = "type = 'storage_buffer'\nsize = 4";
+    let cases = [
+        ("r16f", "", declared("r16f"), add("0.75"), image("r16f"), 16),
+        ("rgba16f", "", declared("rgba16f"), add("0.75"), image("rgba16f"), 16),
+        (
+            "buffer",
+            HALF,
+            "layout(binding = 0) buffer Sum { float16_t sum; };".to_owned(),
+            "sum = float16_t(float(sum) + 0.75);".to_owned(),
+            buffer.to_owned(),
+            16,
+        ),
+        (
+            "packed",
+            "",
+            "layout(binding = 0) buffer Sum { uint sum; };".to_owned(),
+            "sum = packHalf2x16(vec2(0.0, unpackHalf2x16(sum).y + 0.75));".to_owned(),
+            buffer.to_owned(),
+            16,
+        ),
+    ];
+    for (name, head, declared, body, resource, bits) in cases {
+        let report = stored(name, head, &declared, &body, &resource);
+        let worst = &report["lines"][0];
+        // From 2048 on, where the halves are 2 apart, the sum stays; the last that is read ought to be
+        // 4999 * 0.75 = 3749.25: 1 - 2048 / 3749.25 = 0.4538.
+        let error = worst["relative_error"].as_f64().expect("a number");
+        assert!((0.453..0.454).contains(&error), "{name}: {report:#}");
+        assert_eq!(worst["storage_bits"], bits, "{name}: {report:#}");
+        assert_eq!(worst["matters"], true, "{name}: {report:#}");
+        // From 512 on three quarters are no longer whole steps: more than half of the 5000 reads follow.
+        let read = worst["read_back"].as_u64().expect("a count");
+        assert!((2500..5000).contains(&read), "{name}: {report:#}");
+        // Multiples of 1/4 up to 4 are halves.
+        let exact = body.replace("0.75", "(i < 16 ? 0.25 : 0.0)");
+        let report = stored(&format!("{name}-exact"), head, &declared, &exact, &resource);
+        assert!(lines_that_matter(&report).is_empty(), "{name}: {report:#}");
+    }
+    // Fixed point: a thousandth is less than half of a step of 1/255.
+    let fixed = [
+        ("rgba8", declared("rgba8"), add("0.001"), image("rgba8"), 8),
+        (
+            "unorm",
+            "layout(binding = 0) buffer Sum { uint sum; };".to_owned(),
+            "sum = packUnorm4x8(unpackUnorm4x8(sum) + 0.001);".to_owned(),
+            buffer.to_owned(),
+            8,
+        ),
+    ];
+    for (name, declared, body, resource, bits) in fixed {
+        let report = stored(name, "", &declared, &body, &resource);
+        let worst = &report["lines"][0];
+        // It stays 0, and ought to be something.
+        assert_eq!(worst["relative_error"], 1.0, "{name}: {report:#}");
+        assert_eq!(worst["storage_bits"], bits, "{name}: {report:#}");
+    }
+}

@@ -389,6 +389,15 @@ fn what_makes_no_sense_is_answered_with_code_2() {
         assert_eq!(ran.code, Some(2), "{arguments:?}: {}{}", ran.out, ran.err);
         assert!(ran.err.contains(words), "{arguments:?}: {}", ran.err);
     }
+    // The folder stands last.
+    let module = "spirv-fixtures/pass/testing/leaves/leaf.rchit.spv";
+    for folder in [empty, "no/such/folder"] {
+        let ran = run(&["--init", folder, module]);
+        assert_eq!(ran.code, Some(2), "{}{}", ran.out, ran.err);
+        assert!(ran.err.contains(&format!("`{folder}` is no module")), "{}", ran.err);
+        let meant = format!("did you mean `anyhit test --init {module} {folder}`?");
+        assert!(ran.err.contains(&meant), "{}", ran.err);
+    }
     // A file that is no scene is a test that cannot run; the others run.
     let folder = scratch("broken");
     std::fs::write(folder.join("a.test.toml"), "version = 1\n[[ray]\n").expect("a writable folder");

@@ -1,14 +1,20 @@
 //! Maps the bytes of a buffer to the members of its type.
 
 use crate::debug::values::TypedValue;
+#[cfg(feature = "scenes")]
 use crate::machine::Binding;
 use crate::module::Module;
 use crate::module::ty::{MatrixLayout, Type, TypeId};
 use crate::ops::pointer::storage;
+#[cfg(feature = "scenes")]
 use crate::pipeline::Pipeline;
+use crate::program::Program;
+use crate::program::layout::{Layout, Rules};
 
 /// `DescriptorSet` and `Binding`, numbers of decorations.
+#[cfg(feature = "scenes")]
 const DESCRIPTOR_SET: u32 = 34;
+#[cfg(feature = "scenes")]
 const BINDING: u32 = 33;
 
 /// The type that a shader declares for a buffer.
@@ -32,6 +38,7 @@ pub(super) struct BufferMember {
 
 impl<'a> BufferLayout<'a> {
     /// The type of a binding in the first shader that declares it.
+    #[cfg(feature = "scenes")]
     pub(super) fn of(pipeline: &'a Pipeline, binding: Binding) -> Option<Self> {
         pipeline.programs.iter().find_map(|program| {
             let module = &*program.module;
@@ -45,6 +52,40 @@ impl<'a> BufferLayout<'a> {
                 _ => None,
             }
         })
+    }
+
+    /// The type that an entry point declares for the data of its shader record; `None` where it
+    /// reads none.
+    pub(super) fn of_record(program: &'a Program) -> Option<Self> {
+        let module = &*program.module;
+        let variables = module.interface_of(program.entry_point()?);
+        let variable = variables.iter().find(|one| one.storage_class == storage::SHADER_RECORD_BUFFER)?;
+        Some(Self { module, ty: variable.ty? })
+    }
+
+    /// The bytes that are declared, of which runtime arrays have as many as are given.
+    pub(super) fn size(&self, given: u64) -> u64 {
+        let layout = Layout::new(self.module, self.ty, Rules::Explicit);
+        match layout.runtime_stride() {
+            Some((start, _)) => given.max(start as u64),
+            None => layout.size() as u64,
+        }
+    }
+
+    /// The scalars and vectors of the first bytes, at most so many.
+    pub(super) fn members(&self, bytes: u64, most: usize) -> Vec<BufferMember> {
+        let mut members: Vec<BufferMember> = Vec::new();
+        let mut byte = 0;
+        while byte < bytes && members.len() < most {
+            match self.member_at(byte) {
+                Some(member) => {
+                    byte = member.offset + member.size.max(1);
+                    members.push(member);
+                }
+                None => byte += 4,
+            }
+        }
+        members
     }
 
     /// The scalar or vector that holds a byte; `None` in padding, and for scalars that are not

@@ -14,6 +14,7 @@ pub mod console;
 pub mod debugger;
 pub mod executed_lines;
 pub mod hints;
+mod layout;
 pub mod names;
 pub(crate) mod page;
 mod query_reader;
@@ -36,8 +37,6 @@ mod deciders;
 pub mod drawing;
 #[cfg(feature = "scenes")]
 mod event_log;
-#[cfg(feature = "scenes")]
-mod layout;
 #[cfg(feature = "scenes")]
 pub mod line_recorder;
 #[cfg(feature = "scenes")]

@@ -7,19 +7,25 @@ use std::vec::IntoIter;
 use crate::accel::{Candidate, RecordIndex, Tlas};
 use crate::debug::builtin_names::source_name;
 use crate::debug::executed_lines::PrintedText;
+use crate::debug::layout::BufferLayout;
 use crate::debug::names::{self, Names};
 use crate::debug::query_reader::QueryReader;
 use crate::debug::transcript::{
-    Arithmetic, Decision, ExitKind, NamedValue, RecordChoice, ShaderExit, ShaderRun, Step, Trace,
+    Arithmetic, Decision, ExitKind, NamedValue, RecordChoice, RecordData, RecordMember, ShaderExit,
+    ShaderRun, Step, Trace,
 };
 use crate::debug::values::{FloatValue, TypedValue};
-use crate::machine::{Exit, ShaderIndex};
+use crate::machine::{Buffer, Exit, ShaderIndex};
+use crate::module::interface::Stage;
 use crate::module::ty::TypeId;
 use crate::ops::pointer::storage;
-use crate::pipeline::{Caller, Event, Pipeline};
+use crate::pipeline::{Caller, Event, Pipeline, SbtRecord};
 use crate::program::Program;
 
 const SKIP_CLOSEST_HIT: u32 = 8;
+
+/// How many members of a shader record are shown.
+const MAX_RECORD_MEMBERS: usize = 32;
 
 /// Reads events into steps.
 #[derive(Debug)]
@@ -35,13 +41,25 @@ pub struct EventReader<'a> {
     texts: usize,
     /// How many shaders have begun.
     begun: u64,
+    /// The data of the record of the hit shader that runs, which any-hit shaders of its reports
+    /// have, too.
+    hit_data: Option<Arc<Buffer>>,
 }
 
 impl<'a> EventReader<'a> {
     /// A reader of the events of a pipeline.
     pub fn new(pipeline: &'a Pipeline, names: Names<'a>, events: Vec<Event>) -> Self {
         let printed = Vec::new().into_iter().peekable();
-        Self { pipeline, names, events: events.into_iter().peekable(), read: 0, printed, texts: 0, begun: 0 }
+        Self {
+            pipeline,
+            names,
+            events: events.into_iter().peekable(),
+            read: 0,
+            printed,
+            texts: 0,
+            begun: 0,
+            hit_data: None,
+        }
     }
 
     /// Gives what the shaders printed, each text with the number of events before it.
@@ -72,7 +90,14 @@ impl<'a> EventReader<'a> {
                 printed.push(PrintedText { text, number, steps_before: steps.len(), file: None, line: None });
             }
             match self.events.peek() {
-                Some(Event::Enter { .. }) => steps.extend(self.shader().map(Box::new).map(Step::Shader)),
+                Some(&Event::Enter { stage, .. }) => {
+                    let data = match stage {
+                        Stage::RayGeneration => data_of(self.pipeline.sbt.ray_generation.as_ref()),
+                        Stage::AnyHit => self.hit_data.clone(),
+                        _ => None,
+                    };
+                    steps.extend(self.shader(data).map(Box::new).map(Step::Shader));
+                }
                 Some(Event::Trace { .. }) => steps.extend(self.trace().map(Box::new).map(Step::Trace)),
                 Some(Event::RayQuery(_)) => {
                     if let Some(Event::RayQuery(event)) = self.next_event() {
@@ -88,7 +113,7 @@ impl<'a> EventReader<'a> {
         }
     }
 
-    fn shader(&mut self) -> Option<ShaderRun> {
+    fn shader(&mut self, record: Option<Arc<Buffer>>) -> Option<ShaderRun> {
         let Event::Enter { shader, builtins, payload, attributes, .. } = self.next_event()? else {
             return None;
         };
@@ -104,7 +129,9 @@ impl<'a> EventReader<'a> {
         let of = |ty: Option<TypeId>, words: &[u32]| {
             Some(names.value(TypedValue::of_type(&program.module, ty?, words)))
         };
+        let outer = std::mem::replace(&mut self.hit_data, record.clone());
         let (steps, printed) = self.steps(Some(program));
+        self.hit_data = outer;
         let (exit, after) = match self.next_event() {
             Some(Event::Leave { exit, payload, .. }) => (exit, payload),
             _ => (Exit::Returned, payload.clone()),
@@ -121,6 +148,7 @@ impl<'a> EventReader<'a> {
                 })
                 .collect(),
             attributes: of(attribute, &attributes),
+            record: record.and_then(|record| record_data(program, &record, &names)),
             payload_before: of(data, &payload),
             payload_after: of(data, &after),
             steps,
@@ -162,7 +190,8 @@ impl<'a> EventReader<'a> {
                     trace.traversal.add_tested_primitive(hit_primitive, verdict, &mut closest)
                 }
                 Event::Candidate { candidate, record, shader, .. } => {
-                    let shader = shader.and_then(|_| self.next_shader());
+                    let data = data_of(record.get(&self.pipeline.sbt.hit).and_then(Option::as_ref));
+                    let shader = shader.and_then(|_| self.next_shader(data));
                     if let Some(t) = committed_t(&candidate, shader.as_ref()) {
                         closest = Some(closest.map_or(t, |closest| closest.min(t)));
                     }
@@ -188,7 +217,10 @@ impl<'a> EventReader<'a> {
                         None => Some(self.no_shader(&trace)),
                     };
                     ran = shader;
-                    trace.shader = shader.and_then(|_| self.next_shader()).map(Box::new);
+                    let sbt = &self.pipeline.sbt;
+                    let records = if committed.is_some() { &sbt.hit } else { &sbt.miss };
+                    let data = data_of(record.get(records).and_then(Option::as_ref));
+                    trace.shader = shader.and_then(|_| self.next_shader(data)).map(Box::new);
                 }
                 Event::Traced { payload: after } => {
                     let ty = self.payload_type(caller, ran, after.len());
@@ -207,8 +239,9 @@ impl<'a> EventReader<'a> {
     }
 
     /// Reads the next shader, if the next event is the begin of one.
-    fn next_shader(&mut self) -> Option<ShaderRun> {
-        self.events.peek().is_some_and(|event| matches!(event, Event::Enter { .. })).then(|| self.shader())?
+    fn next_shader(&mut self, record: Option<Arc<Buffer>>) -> Option<ShaderRun> {
+        let begins = self.events.peek().is_some_and(|event| matches!(event, Event::Enter { .. }));
+        begins.then(|| self.shader(record))?
     }
 
     /// The type by which a trace's payload is shown: that of the caller's variable. For a ray from
@@ -297,6 +330,26 @@ impl<'a> EventReader<'a> {
         }
         "the group has no closest-hit shader".into()
     }
+}
+
+fn data_of(record: Option<&SbtRecord>) -> Option<Arc<Buffer>> {
+    record?.data.clone()
+}
+
+/// The data of a record by the layout that a shader declares; `None` where it declares none.
+fn record_data(program: &Program, data: &Buffer, names: &Names<'_>) -> Option<RecordData> {
+    let layout = BufferLayout::of_record(program)?;
+    let given = data.size();
+    let declared = layout.size(given);
+    let word = |at: u64| data.load(4 * at, 32).unwrap_or(0);
+    let members = layout.members(declared, MAX_RECORD_MEMBERS).into_iter().map(|member| {
+        let end = member.offset + member.size;
+        let words: Vec<u32> = (member.offset / 4..end.div_ceil(4)).map(word).collect();
+        let value = (end <= given).then(|| names.value(layout.value(&member, &words)));
+        RecordMember { member: member.path, byte: member.offset, value }
+    });
+    let behind = (declared.div_ceil(4)..given / 4).take(MAX_RECORD_MEMBERS).map(word);
+    Some(RecordData { given, declared, members: members.collect(), behind: behind.collect() })
 }
 
 /// The t that a decision commits, if it commits a hit.

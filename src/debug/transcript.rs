@@ -169,6 +169,9 @@ pub struct ShaderRun {
     pub builtins: Vec<NamedValue>,
     /// The hit attributes that it declares.
     pub attributes: Option<TypedValue>,
+    /// The data of its record, if it declares some; omitted otherwise.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub record: Option<RecordData>,
     /// The payload (or callable data) that it declares, before the run.
     pub payload_before: Option<TypedValue>,
     /// The payload (or callable data) after the run.
@@ -184,6 +187,30 @@ pub struct ShaderRun {
     pub printed: Vec<PrintedText>,
     /// How the shader ended.
     pub exit: ShaderExit,
+}
+
+/// The data of a shader record as a shader declares it (`ShaderRecordBufferKHR`).
+#[derive(Clone, Debug, Serialize)]
+pub struct RecordData {
+    /// The bytes that the record has.
+    pub given: u64,
+    /// The bytes that the shader declares.
+    pub declared: u64,
+    /// What it declares, in order; a long list is cut.
+    pub members: Vec<RecordMember>,
+    /// The words behind those that it declares; a long list is cut.
+    pub behind: Vec<u32>,
+}
+
+/// A scalar or vector in the data of a shader record.
+#[derive(Clone, Debug, Serialize)]
+pub struct RecordMember {
+    /// Its path from the block: `values[1]`.
+    pub member: String,
+    /// The offset of its first byte.
+    pub byte: u64,
+    /// Its value; `None` where the record ends before it does.
+    pub value: Option<TypedValue>,
 }
 
 /// A builtin with its value.

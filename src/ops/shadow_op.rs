@@ -23,6 +23,12 @@ pub enum ShadowOp {
     Logical,
     /// `OpSelect` on a word.
     Select,
+    /// One float is packed into a word, into so many bits at a shift.
+    Pack(u32),
+    /// One float is unpacked from such a word.
+    Unpack(u32),
+    /// The bitwise or of two words, which may have packed floats.
+    Join,
     /// No shadow value: integers, and bit patterns taken apart.
     None,
 }
@@ -51,6 +57,14 @@ pub fn shadow_op(kernel: &'static LaneKernel) -> ShadowOp {
 fn family_shadow(family: &'static OpFamily, kernel: &LaneKernel) -> ShadowOp {
     if kernel.width == 0 {
         return ShadowOp::Logical;
+    }
+    match family.name {
+        "Half" | "Snorm16" | "Unorm16" => return ShadowOp::Pack(16),
+        "Snorm8" | "Unorm8" => return ShadowOp::Pack(8),
+        "FromHalf" | "FromSnorm16" | "FromUnorm16" => return ShadowOp::Unpack(16),
+        "FromSnorm8" | "FromUnorm8" => return ShadowOp::Unpack(8),
+        "BitwiseOr" if kernel.width == 32 => return ShadowOp::Join,
+        _ => {}
     }
     let takes_floats = kernel.float_operands.iter().any(|&width| width > 0);
     let Some(wide) = family.kernel(64).filter(|wide| takes_floats && wide.float_operands[0] == 64) else {
@@ -144,6 +158,9 @@ mod tests {
         assert_eq!(shadow_op(kernel(less, 16)), ShadowOp::Comparison(kernel(less, 64)));
         assert_eq!(shadow_op(kernel(&relational_logical::LogicalAnd, 0)), ShadowOp::Logical);
         assert_eq!(shadow_op(&relational_logical::select::SelectWord.kernels[0]), ShadowOp::Select);
+        assert_eq!(shadow_op(&glsl::parts::Half.kernels[0]), ShadowOp::Pack(16));
+        assert_eq!(shadow_op(&glsl::parts::FromUnorm8.kernels[0]), ShadowOp::Unpack(8));
+        assert_eq!(shadow_op(kernel(&crate::ops::bit::BitwiseOr, 32)), ShadowOp::Join);
         let convert = |kind, from, to| conversion::kernel(kind, from, to).expect("a kernel");
         assert_eq!(shadow_op(convert(Conversion::F, 32, 16)), ShadowOp::Identity);
         let to_int = ShadowOp::Integer(convert(Conversion::FToS, 64, 32));

@@ -4,7 +4,7 @@ use crate::debug::executed_lines::{AssignedValue, ExecutedLine, PrintedText};
 use crate::debug::page::{TextStyle, with_plural};
 use crate::debug::render::Writer;
 use crate::debug::render::words::{annotated, change, label, payload_label, source_suffix, value_rows};
-use crate::debug::transcript::{ExitKind, NamedValue, ShaderRun};
+use crate::debug::transcript::{ExitKind, NamedValue, RecordData, RecordMember, ShaderRun};
 use crate::debug::values::TypedValue;
 
 /// How wide the text of source lines is, so that the values stand in a column.
@@ -27,6 +27,7 @@ impl Writer<'_> {
         };
         let mut rows: Vec<(String, String)> = run.builtins.iter().map(builtin).collect();
         rows.extend(run.attributes.iter().flat_map(|value| value_rows("hit attribute", value)));
+        rows.extend(run.record.iter().flat_map(record_rows));
         rows.extend(run.payload_before.iter().flat_map(|value| value_rows(payload_label(run), value)));
         self.page.rows(rows);
         self.lines(&run.lines);
@@ -172,6 +173,25 @@ impl Writer<'_> {
         }
         self.printed += 1;
     }
+}
+
+/// The rows of a record: its members with their bytes, and what it has behind them.
+fn record_rows(record: &RecordData) -> Vec<(String, String)> {
+    let RecordData { given, declared, members, behind } = record;
+    let member = |one: &RecordMember| {
+        let value = match &one.value {
+            Some(value) => value.to_string(),
+            None => format!("outside the record, which has {}", with_plural(*given, "byte")),
+        };
+        (format!("record {}, byte {}", one.member, one.byte), value)
+    };
+    let mut rows: Vec<(String, String)> = members.iter().map(member).collect();
+    if !behind.is_empty() {
+        let numbers: Vec<String> = behind.iter().map(|word| f32::from_bits(*word).to_string()).collect();
+        let label = format!("record from byte {declared} on");
+        rows.push((label, format!("not declared; as floats {}", numbers.join(", "))));
+    }
+    rows
 }
 
 /// How wide the column of the lines' text is.

@@ -12,6 +12,7 @@ mod envelope;
 pub mod found;
 mod instability;
 pub mod outputs;
+mod packed_shadows;
 pub mod perturb;
 mod place;
 mod probe;

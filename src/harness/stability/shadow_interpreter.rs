@@ -127,6 +127,29 @@ impl<'a> ShadowInterpreter<'a> {
                 let chosen = if read(0) != 0 { from[1] } else { from[2] };
                 let entry = frame.entry(chosen);
                 frame.set(to, entry);
+                frame.join_packed(to, result, &[(chosen, result)]);
+            }
+            ShadowOp::Pack(width) => {
+                let value = frame.value(from[0], read(0)).unwrap_or_else(|| float(read(0), 32));
+                let value = match kernel.name {
+                    "Unorm8" | "Unorm16" => value.clamp(0.0, 1.0),
+                    "Snorm8" | "Snorm16" => value.clamp(-1.0, 1.0),
+                    _ => value,
+                };
+                frame.invalidate(to, 1);
+                frame.pack(to, result, read(1) as u32 / width, value);
+            }
+            ShadowOp::Join => {
+                let operands = [0, 1].map(|at| (from[at], read(at)));
+                frame.invalidate(to, 1);
+                frame.join_packed(to, result, &operands);
+            }
+            ShadowOp::Unpack(width) => {
+                let value = frame.packed(from[0], read(0), read(1) as u32 / width);
+                frame.set(to, value.map(|value| ShadowValue { bits: result, value }));
+                if let Some(value) = value {
+                    self.read_back(offset, float(result, 32), value, width);
+                }
             }
             ShadowOp::Identity => {
                 let width = kernel.float_operands[0];
@@ -237,6 +260,8 @@ impl<'a> ShadowInterpreter<'a> {
             memory::MemoryOp::Move { to, from } | memory::MemoryOp::MoveMasked { to, from } => {
                 let entry = frame.entry(from);
                 frame.set(to, entry);
+                let bits = bits(batch, from, 1);
+                frame.join_packed(to, bits, &[(from, bits)]);
             }
             memory::MemoryOp::Gather { to, count, first, index } => {
                 for word in 0..count {
@@ -256,6 +281,9 @@ impl<'a> ShadowInterpreter<'a> {
                 for word in 0..chunk.count {
                     let known = keys.and_then(|key| self.memory.get(&key(word)).copied());
                     frame.set(to.plus(word), known);
+                    if let Some(key) = keys.filter(|_| chunk.width == 32) {
+                        frame.load_packed(to.plus(word), key(word), &self.memory);
+                    }
                     let bits = bits(batch, to.plus(word), 1);
                     if let Some(entry) = known.filter(|entry| chunk.width == 16 && entry.bits == bits) {
                         halves.push((float(bits, 16), entry.value));
@@ -272,6 +300,9 @@ impl<'a> ShadowInterpreter<'a> {
                         Some(entry) => self.memory.insert(key(word), entry),
                         None => self.memory.remove(&key(word)),
                     };
+                    if chunk.width == 32 {
+                        frame.store_packed(from.plus(word), key(word), &mut self.memory);
+                    }
                 }
             }
             memory::MemoryOp::Index { to, .. } | memory::MemoryOp::ArrayLength { to, .. } => {

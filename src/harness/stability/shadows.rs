@@ -22,6 +22,9 @@ pub(super) struct ShadowFrame {
     pub wait_offset: u32,
     /// The shader's ray queries, by handle.
     pub queries: HashMap<u32, ShadowedQuery>,
+    /// The shadows of floats that are packed into words, by register and part; the bits are those
+    /// of the whole word.
+    pub packed: HashMap<(Reg, u32), ShadowValue>,
 }
 
 /// What a shader waits for.
@@ -56,6 +59,7 @@ impl ShadowFrame {
         (self.shader, self.generation) = (shader, generation);
         (self.waits_for, self.wait_offset) = (WaitsFor::No, 0);
         self.queries.clear();
+        self.packed.clear();
     }
 
     /// The shadow value of a register, whatever bits the register holds by now.
