@@ -329,15 +329,16 @@ fn storage_in_few_bits_is_reported_where_it_is_read_again() {
     for (name, head, declared, body, resource, bits) in cases {
         let report = stored(name, head, &declared, &body, &resource);
         let worst = &report["lines"][0];
-        // From 2048 on, where the halves are 2 apart, the sum stays; the last that is read ought to be
-        // 4999 * 0.75 = 3749.25: 1 - 2048 / 3749.25 = 0.4538.
+        // From 2048 on, where the halves are 2 apart, the sum stays; the last that is read
+        // ought to be 4999 * 0.75 = 3749.25: 1 - 2048 / 3749.25 = 0.4538.
         let error = worst["relative_error"].as_f64().expect("a number");
         assert!((0.453..0.454).contains(&error), "{name}: {report:#}");
         assert_eq!(worst["storage_bits"], bits, "{name}: {report:#}");
         assert_eq!(worst["matters"], true, "{name}: {report:#}");
-        // From 512 on three quarters are no longer whole steps: more than half of the 5000 reads follow.
+        // From 512 on three quarters are no longer whole steps: more than half of the reads
+        // follow, of up to four components each.
         let read = worst["read_back"].as_u64().expect("a count");
-        assert!((2500..5000).contains(&read), "{name}: {report:#}");
+        assert!((2500..20_000).contains(&read), "{name}: {report:#}");
         // Multiples of 1/4 up to 4 are halves.
         let exact = body.replace("0.75", "(i < 16 ? 0.25 : 0.0)");
         let report = stored(&format!("{name}-exact"), head, &declared, &exact, &resource);

@@ -38,6 +38,7 @@ pub fn blame(loaded: &Loaded, subject: &Subject, ray: Option<usize>) -> Blame {
             resource_writes::blame(loaded, subject, ray)
         }
         (Subject::Invocation(id), None) => trapped_pass(loaded)
+            .or_else(|| loaded.assembled.passes.iter().position(|pass| pass.launch().is_some()))
             .map(|number| Blame { request: Some(request(loaded, number, *id)), ..Blame::default() }),
         _ => None,
     };

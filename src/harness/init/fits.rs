@@ -50,6 +50,8 @@ fn scalars((module, ty): Declared<'_>) -> Vec<Type> {
             }
             Type::Struct { members, .. } => members.iter().for_each(|member| add(module, member.ty, all)),
             Type::Int { width, .. } => all.push(Type::Int { width: *width, signed: false }),
+            // An address, wherever it leads.
+            Type::Pointer { .. } => all.push(Type::Int { width: 64, signed: false }),
             scalar => all.push(scalar.clone()),
         }
     }
@@ -71,7 +73,7 @@ fn fit_in_group(one: &Shader, other: &Shader) -> bool {
 
 impl Shaders {
     /// The hit groups: each closest-hit shader with the first any-hit and the first intersection
-    /// shader that fit it and are in no group yet. Those that are left over are groups of their own.
+    /// shader that fit it and are in no group yet. Others are groups of their own.
     pub(super) fn groups(&self) -> Vec<Vec<&Shader>> {
         let mut groups: Vec<Vec<&Shader>> = self.of(Stage::ClosestHit).map(|shader| vec![shader]).collect();
         for stage in [Stage::AnyHit, Stage::Intersection] {
@@ -130,6 +132,16 @@ impl Shaders {
     fn check_attributes(&self) -> Result<()> {
         let class = storage::HIT_ATTRIBUTE;
         let reporting: Vec<&Shader> = self.of(Stage::Intersection).collect();
+        for shader in &reporting {
+            let hits = self.of(Stage::ClosestHit).chain(self.of(Stage::AnyHit));
+            let declaring: Vec<&Shader> = hits.filter(|one| one.declared(class).next().is_some()).collect();
+            let reports = shader.declared(class).next().is_some();
+            if let Some(first) = declaring.first().filter(|_| reports)
+                && !declaring.iter().any(|one| fit(one, shader, class))
+            {
+                return Err(mismatch("hit attributes", [first, shader], class, class));
+            }
+        }
         for stage in [Stage::AnyHit, Stage::ClosestHit] {
             for shader in self.of(stage) {
                 let Some(own) = shader.declared(class).next() else { continue };
