@@ -456,3 +456,29 @@ fn assertions_of_rust_show_the_lines_that_decided() -> anyhit::Result<()> {
     holds(&text, &["hint  ray at depth 1: it misses as any-hit ignored its 1 candidate"]);
     Ok(())
 }
+
+#[test]
+#[cfg_attr(not(feature = "glsl"), ignore = "needs the feature `glsl`")]
+fn a_record_is_shown_as_the_shader_declares_it() {
+    // std430: elements of 8 bytes follow each other. Given are elements of 16, as std140 has them.
+    let shader = [
+        HEAD,
+        "layout(shaderRecordEXT, std430) buffer Record { vec2 values[2]; };\n\
+         void main() { payload.colour.xy = values[1]; }\n",
+    ]
+    .concat();
+    let scene = "version = 1\n[shaders]\npaint = 'a.rchit'\n\
+        [pipeline]\nhit = [{ closest_hit = 'paint', record = { f32 = [1, 2, 0, 0, 3, 4, 0, 0] } }]\n\
+        [geometry.t]\ntype = 'triangles'\nvertices = [[-1, -1, 0], [1, -1, 0], [0, 1, 0]]\n\
+        [[instance]]\ngeometry = 't'\n[[ray]]\nname = 'a'\norigin = [0, 0, 3]\ndirection = [0, 0, -1]\n\
+        expect = { payload = { colour = [3, 4, 0] } }\n";
+    let text = failure("record", &[("a.rchit", &shader), ("a.test.toml", scene)]);
+    for row in [
+        ["record values[0], byte 0", "vec2(1, 2)"],
+        ["record values[1], byte 8", "vec2(0, 0)"],
+        ["record from byte 16 on", "not declared; as floats 3, 4, 0, 0"],
+    ] {
+        let line = text.lines().find(|line| line.contains(row[0]));
+        assert!(line.is_some_and(|line| line.ends_with(row[1])), "{row:?} in\n{text}");
+    }
+}
