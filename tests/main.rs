@@ -69,6 +69,7 @@ mod result_types;
 mod rewriting;
 mod robustness;
 mod sanitized_modules;
+mod sanitized_outputs;
 #[cfg(feature = "glsl")]
 mod sanitized_values;
 mod scene_init;

@@ -59,8 +59,8 @@ pub(super) struct SmokeArgs {
     seconds: Option<Duration>,
     #[command(flatten)]
     launch_limits: LaunchLimitArgs,
-    /// Run every set of values under the sanitizer, too, and tell what it finds; as the inputs are
-    /// made up, nothing is denied
+    /// Run every set of values under the sanitizer, too: what depends on no synthetic input is
+    /// denied, all else is a warning
     #[arg(long)]
     sanitize: bool,
     /// Fail where an entry point entered less than this many percent of its blocks

@@ -3,8 +3,8 @@
 use crate::debug::values::TypedValue;
 #[cfg(feature = "scenes")]
 use crate::machine::Binding;
-use crate::module::Module;
-use crate::module::ty::{MatrixLayout, Type, TypeId};
+use crate::module::ty::{Type, TypeId};
+use crate::module::{MemoryPart, Module};
 use crate::ops::pointer::storage;
 #[cfg(feature = "scenes")]
 use crate::pipeline::Pipeline;
@@ -91,75 +91,19 @@ impl<'a> BufferLayout<'a> {
     /// The scalar or vector that holds a byte; `None` in padding, and for scalars that are not
     /// whole words.
     pub(super) fn member_at(&self, byte: u64) -> Option<BufferMember> {
-        let member = self.find(self.ty, 0, byte, None, String::new())?;
-        (byte < member.offset + member.size && member.offset % 4 == 0).then_some(member)
+        let MemoryPart { path, offset, ty, scalar } = self.module.part_at(self.ty, byte)?;
+        let is_whole_words = match self.module.ty(scalar) {
+            Type::Int { width: 32 | 64, .. }
+            | Type::Float { width: 32 | 64, encoding: None }
+            | Type::Pointer { storage_class: storage::PHYSICAL_STORAGE_BUFFER, .. } => true,
+            _ => false,
+        };
+        let member = BufferMember { path, offset, size: self.module.size_of(ty)?, ty };
+        (is_whole_words && byte < member.offset + member.size && member.offset % 4 == 0).then_some(member)
     }
 
     /// The value of a member from its words.
     pub(super) fn value(&self, member: &BufferMember, words: &[u32]) -> TypedValue {
         TypedValue::of_type(self.module, member.ty, words)
-    }
-
-    fn find(
-        &self,
-        ty: TypeId,
-        start: u64,
-        byte: u64,
-        matrix: Option<MatrixLayout>,
-        path: String,
-    ) -> Option<BufferMember> {
-        let within = byte - start;
-        match self.module.ty(ty) {
-            Type::Struct { members, .. } => {
-                let placed = members.iter().filter_map(|member| Some((u64::from(member.offset?), member)));
-                let (offset, member) =
-                    placed.filter(|&(offset, _)| offset <= within).max_by_key(|&(offset, _)| offset)?;
-                let dot = if path.is_empty() { "" } else { "." };
-                self.find(
-                    member.ty,
-                    start + offset,
-                    byte,
-                    member.matrix,
-                    format!("{path}{dot}{}", member.name),
-                )
-            }
-            Type::Array { element, stride: Some(stride), .. }
-            | Type::RuntimeArray { element, stride: Some(stride) } => {
-                let index = within.checked_div((*stride).into())?;
-                let start = start + index * u64::from(*stride);
-                self.find(*element, start, byte, matrix, format!("{path}[{index}]"))
-            }
-            Type::Matrix { column, .. } => {
-                let MatrixLayout { stride, row_major } = matrix?;
-                let index = within.checked_div(stride.into())?;
-                if !row_major {
-                    return self.find(
-                        *column,
-                        start + index * u64::from(stride),
-                        byte,
-                        None,
-                        format!("{path}[{index}]"),
-                    );
-                }
-                let Type::Vector { component, .. } = *self.module.ty(*column) else { return None };
-                let size = self.module.size_of(component)?;
-                let column = (within - index * u64::from(stride)).checked_div(size)?;
-                let start = start + index * u64::from(stride) + column * size;
-                self.find(component, start, byte, None, format!("{path}[{column}][{index}]"))
-            }
-            &Type::Vector { component, .. } => self.leaf(ty, component, start, path),
-            _ => self.leaf(ty, ty, start, path),
-        }
-    }
-
-    fn leaf(&self, ty: TypeId, scalar: TypeId, offset: u64, path: String) -> Option<BufferMember> {
-        match self.module.ty(scalar) {
-            Type::Int { width: 32 | 64, .. }
-            | Type::Float { width: 32 | 64, encoding: None }
-            | Type::Pointer { storage_class: storage::PHYSICAL_STORAGE_BUFFER, .. } => {
-                Some(BufferMember { path, offset, size: self.module.size_of(ty)?, ty })
-            }
-            _ => None,
-        }
     }
 }

@@ -10,6 +10,7 @@ use crate::harness::side_by_side::SideBySide;
 use crate::machine::{Resources, ShaderIndex};
 use crate::math::array;
 use crate::pipeline::{Launch, Stats};
+use crate::program::Program;
 use crate::sanitize::contract::check_pipeline;
 use crate::sanitize::hit_indices::check_hit_indices;
 use crate::sanitize::module_checks::check_module;
@@ -64,7 +65,31 @@ pub fn run_sanitized(
     levels: &Levels,
 ) -> Result<SanitizedRun> {
     let reference = assembled.for_sanitizer()?;
-    let mut findings = check_scene(scene, &reference, levels);
+    let SanitizedRun { outcome, findings } = run_passes(scene, &reference, resources, levels)?;
+    Ok(SanitizedRun { outcome, findings: findings.of_same_shaders(&first_same(&reference)) })
+}
+
+/// By shader of a scene: the first that is the same entry point of the same module.
+fn first_same(assembled: &Assembled) -> Vec<usize> {
+    let programs: Vec<_> = assembled.programs().collect();
+    let is_same = |one: &Program, other: &Program| {
+        one.stage == other.stage
+            && one.name == other.name
+            && (Arc::ptr_eq(&one.module, &other.module) || one.module.words == other.module.words)
+    };
+    let first = |(at, program): (usize, &&Arc<Program>)| {
+        programs[..at].iter().position(|other| is_same(other, program)).unwrap_or(at)
+    };
+    programs.iter().enumerate().map(first).collect()
+}
+
+fn run_passes(
+    scene: &ResolvedScene,
+    reference: &Assembled,
+    resources: &Resources,
+    levels: &Levels,
+) -> Result<SanitizedRun> {
+    let mut findings = check_scene(scene, reference, levels);
     let mut stats = Stats::default();
     // Rays by the pipeline that traces them, and those of compute shaders' ray queries.
     let mut traced: SortedMap<Option<usize>, SeenRays> = SortedMap::new();
@@ -173,6 +198,7 @@ pub fn sanitize_one(
     let mut seen = SeenRays::default();
     let mut watch = RayWatch::new(&single.pipeline, scene, levels, &mut seen);
     let launch = Launch { pipeline: &single.pipeline, resources: &resources };
+    let mut left = None;
     let outcome = {
         let (watch, sanitizer) = (Some(&mut watch as _), Some(&mut sanitizer as _));
         match &which.what {
@@ -181,14 +207,21 @@ pub fn sanitize_one(
                 let tlas = if let Some((_, tlas)) = scene.tlas.first() { tlas } else { Tlas::empty() };
                 let operands = given.operands(launch.pipeline)?;
                 let outcome = launch.trace_observed(tlas, operands, watch, sanitizer);
-                outcome.map(|outcome| outcome.stats)
+                outcome.map(|outcome| {
+                    let stats = outcome.stats.clone();
+                    left = Some(outcome);
+                    stats
+                })
             }
         }
     };
+    if let Some(outcome) = left {
+        sanitizer.check_payload(&outcome);
+    }
     let first = reference.first_program(single.index);
     findings.extend(watch.into_findings().of_shaders_from(first));
     findings.extend(sanitizer.into_findings().of_shaders_from(first));
-    Ok(SanitizedRun { outcome, findings })
+    Ok(SanitizedRun { outcome, findings: findings.of_same_shaders(&first_same(&reference)) })
 }
 
 /// The error of what is denied, if anything is. Its reports are told apart from it.

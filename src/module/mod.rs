@@ -4,6 +4,7 @@
 //! operands an instruction has and of what kind. This crate has a parser of its own, because real
 //! modules contain what rspirv's loader rejects.
 
+mod byte_path;
 mod check;
 mod check_access;
 pub mod check_encoding;
@@ -57,6 +58,7 @@ use crate::module::validate::ValidationFinding;
 use std::ops::Range;
 use std::sync::OnceLock;
 
+pub use byte_path::MemoryPart;
 pub use instructions::Instructions;
 pub use load::{load, load_with};
 

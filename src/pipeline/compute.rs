@@ -271,7 +271,7 @@ impl Compute {
             }
             if dog.end_task(first / groups_per_task, watch.spent()).is_some() {
                 let last = self.last_id(first + size - 1, groups_of);
-                return Ok(Err(Box::new(spent_together(last, &dog))));
+                return Ok(Err(Box::new(spent_together(Some(&self.program), last, &dog))));
             }
             stats = stats.plus(&task_stats);
         }
@@ -402,7 +402,7 @@ impl Compute {
                 tasks.record_trap(first(over));
                 let last = work.range(over).end - 1;
                 dog.stop_at((last + 1) * group_size - 1);
-                let trapped = spent_together(self.last_id(last, work.groups), dog);
+                let trapped = spent_together(Some(&self.program), self.last_id(last, work.groups), dog);
                 let trapped = Some((first(over), trapped));
                 all = all.merge(TaskResults { stats: Stats::default(), trapped });
             }

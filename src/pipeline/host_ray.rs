@@ -10,8 +10,20 @@ pub struct RayOutcome {
     pub committed: Option<Committed>,
     /// The payload's words.
     pub payload: Vec<u32>,
+    /// What a sanitizer knows of each word of the payload; empty where none has observed the ray.
+    pub shadow: Vec<ShadowWord>,
     /// Counts of the work done.
     pub stats: Stats,
+}
+
+/// What a sanitizer knows of a word.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ShadowWord {
+    /// Whether it is undefined.
+    pub is_undefined: bool,
+    /// The number of the cause why it is, or of the NaN or infinity that it holds;
+    /// [`NO_CAUSE`](crate::machine::NO_CAUSE) where none is known.
+    pub cause: u32,
 }
 
 /// The operands of a ray that the host traces, without a ray generation shader.

@@ -12,7 +12,7 @@ use crate::math::array;
 use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::ops::ray_rules;
 use crate::pipeline::Pipeline;
-use crate::pipeline::host_ray::{RayOperands, RayOutcome};
+use crate::pipeline::host_ray::{RayOperands, RayOutcome, ShadowWord};
 use crate::pipeline::observer::{OnlyInvocation, PipelineObserver};
 use crate::pipeline::order::{InvocationOrder, OrderMatters};
 use crate::pipeline::sbt::SbtRecord;
@@ -140,7 +140,7 @@ impl Launch<'_> {
             if let Some(over) = dog.end_task(first_task + task, watch.spent()) {
                 let launch_id = work.order.launch_id(work.range(over - first_task).end - 1);
                 dog.stop_at(work.order.linear_index(launch_id));
-                together = Some(spent_together(launch_id, dog));
+                together = Some(spent_together(None, launch_id, dog));
             }
             (work.on_progress)(range.end - range.start);
         }
@@ -237,7 +237,7 @@ impl Launch<'_> {
             }
             if dog.end_task(task, work.watch.spent()).is_some() {
                 let last = work.order.launch_id(count.min((task + 1) * task_size) - 1);
-                return Err(spent_together(last, &dog).error);
+                return Err(spent_together(None, last, &dog).error);
             }
             stats = stats.plus(&task_stats);
         }
@@ -371,12 +371,23 @@ impl Launch<'_> {
                 None => Ok(RayOutcome {
                     committed: trace.committed[0],
                     payload: trace.host_payload.as_ref().map_or_else(Vec::new, words),
+                    shadow: trace.host_payload.as_ref().map_or_else(Vec::new, shadow_words),
                     stats: stack.stats,
                 }),
             },
             (None, None) => unreachable!("bug in anyhit: a trace without a ray"),
         }
     }
+}
+
+/// What a sanitizer knows of the words of a payload.
+fn shadow_words(payload: &Registers<1>) -> Vec<ShadowWord> {
+    let Some(shadow) = &payload.shadow else { return Vec::new() };
+    let word = |register: Reg| ShadowWord {
+        is_undefined: shadow.undefined(register).contains(0),
+        cause: shadow.cause(register, 0),
+    };
+    (0..payload.len() as u32).map(|at| word(Reg(at))).collect()
 }
 
 /// The tasks of a launch and the data that its worker threads share.

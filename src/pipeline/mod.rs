@@ -46,7 +46,7 @@ pub use compute::{Compute, DispatchState, ObservedInvocation, RunPart, SteppedDi
 pub use device::{DeviceFeatures, DeviceLimits, DeviceProfile};
 pub use flags::PipelineFlags;
 pub use group::{Group, HitGroup};
-pub use host_ray::{RayOperands, RayOutcome};
+pub use host_ray::{RayOperands, RayOutcome, ShadowWord};
 pub use launch::Launch;
 pub use observer::{Caller, Event, PipelineObserver};
 pub(crate) use payload::{describe_with_members, source_file};

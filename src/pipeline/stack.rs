@@ -241,7 +241,7 @@ where
     /// Traces one ray from the host in the first lane; returns the finished trace.
     pub(super) fn trace(&mut self, tlas: &Arc<Tlas>, operands: RayOperands) -> Option<Box<Trace<W>>> {
         let mut trace = self.acquire_trace(true);
-        let payload = trace.set_host_operands(tlas, operands);
+        let payload = trace.set_host_operands(tlas, operands, self.observer.is_some());
         self.push_trace(trace, payload, None);
         self.run()
     }

@@ -6,7 +6,7 @@ use crate::accel::{RayFlags, RayRule, Tlas, TraceRay};
 use crate::geometry::Ray;
 use crate::machine::object::ObjectRef;
 use crate::machine::stop::RegSpan;
-use crate::machine::{AccessFault, Bindings, Mask, Reg, Registers, TrapCode};
+use crate::machine::{AccessFault, Bindings, Mask, Reg, Registers, ShadowRegisters, TrapCode};
 use crate::math::array;
 use crate::ops::hit_object;
 use crate::ops::lane_kernel::{LaneKernel, Width};
@@ -44,8 +44,13 @@ impl<const W: usize> Trace<W> {
     }
 
     /// Sets the first lane to the operands of a ray from the host; returns the registers of its
-    /// payload.
-    pub(super) fn set_host_operands(&mut self, tlas: &Arc<Tlas>, operands: RayOperands) -> RegSpan {
+    /// payload, which have shadows where the shaders are observed.
+    pub(super) fn set_host_operands(
+        &mut self,
+        tlas: &Arc<Tlas>,
+        operands: RayOperands,
+        is_observed: bool,
+    ) -> RegSpan {
         let RayOperands { trace, sbt_offset, sbt_stride, miss_index, payload } = operands;
         self.set_host_caller();
         self.structures.set(Mask::lane(0), tlas);
@@ -55,6 +60,7 @@ impl<const W: usize> Trace<W> {
         let mut registers = Registers::new(payload.len());
         let span = RegSpan { first: Reg(0), count: payload.len() as u32 };
         registers.set_lane_words(span.first, 0, payload);
+        registers.shadow = is_observed.then(|| Box::new(ShadowRegisters::new(registers.len())));
         self.host_payload = Some(registers);
         self.begin(Mask::lane(0));
         span

@@ -67,12 +67,10 @@ where
         let programs = &self.pipeline.programs;
         let mut error =
             trap_error(running.shader, program, programs, &running.batch, lane, trap).note(format!(
-                "in {} `{}`, launch id ({}, {}, {})",
+                "in {} `{}`, {}",
                 program.stage.name(),
                 program.name,
-                launch_id[0],
-                launch_id[1],
-                launch_id[2]
+                program.describe_invocation(launch_id)
             ));
         let fault_value = running.batch.fault_value[lane];
         if trap.code == TrapCode::ShaderRecordEmpty {
@@ -260,11 +258,15 @@ fn with_callee(error: Error, pipeline: &Pipeline, shader: u64) -> Error {
 }
 
 /// The trap of a launch whose invocations, up to one, have spent more together than they may.
-pub(super) fn spent_together(launch_id: [u32; 3], dog: &Watchdog) -> Trapped {
+pub(super) fn spent_together(program: Option<&Program>, launch_id: [u32; 3], dog: &Watchdog) -> Trapped {
     let code = TrapCode::LaunchOutOfFuel;
     let [x, y, z] = launch_id;
+    let last = match program.and_then(|program| program.workgroup) {
+        Some(_) => format!("invocation ({x}, {y}, {z})"),
+        None => format!("that with launch id ({x}, {y}, {z})"),
+    };
     let error = Error::trapped(Trap { launch_id, ..Trap::new(code) })
-        .note(format!("the invocations up to that with launch id ({x}, {y}, {z}) have spent it together"));
+        .note(format!("the invocations up to {last} have spent it together"));
     let error = with_limit(error, code, 0, Some(dog));
     Trapped { launch_id, code, fault_value: 0, shader: ShaderIndex(0), offset: 0, error }
 }

@@ -39,7 +39,9 @@ use crate::machine::{
     AccessFault, Batch, Binding, Bindings, BlockIndex, Exit, LaneTrap, Mask, OpIndex, Reg, Registers,
     TrapCode,
 };
+use crate::math::array;
 use crate::module::interface::{EntryPoint, Stage};
+use crate::module::ty::Type;
 use crate::module::{Id, Module};
 use crate::ops::memory::BufferRef;
 use crate::ops::op::Op;
@@ -558,6 +560,41 @@ impl Program {
         let slot = self.slots.get(slot)?;
         let Binding { set, binding } = slot.binding;
         Some(format!("`{}` (set {set}, binding {binding}, element {element})", slot.name))
+    }
+
+    /// Describes a byte of the buffer that a handle leads to: the source expression of its scalar,
+    /// set, binding and array element; `None` in padding, and where the type is not laid out.
+    pub(crate) fn describe_buffer_byte(&self, handle: u32, byte: u64) -> Option<String> {
+        let (slot, element) = Bindings::slot_of(handle)?;
+        let slot = self.slots.get(slot)?;
+        let Binding { set, binding } = slot.binding;
+        let module = &self.module;
+        let mut ty = module.pointee(slot.variable)?;
+        let mut name = slot.name.clone();
+        // Each block of an array has a buffer of its own.
+        while let Type::Array { element: part, .. } | Type::RuntimeArray { element: part, .. } =
+            *module.ty(ty)
+        {
+            if name == slot.name {
+                name += &format!("[{element}]");
+            }
+            ty = part;
+        }
+        let path = module.byte_path(ty, byte)?;
+        let dot = if path.is_empty() || path.starts_with('[') { "" } else { "." };
+        Some(format!("`{name}{dot}{path}` (set {set}, binding {binding}, element {element})"))
+    }
+
+    /// Describes an invocation of this program by its launch index; in compute shaders, where that
+    /// is `GlobalInvocationId`, with its workgroup.
+    pub(crate) fn describe_invocation(&self, [x, y, z]: [u32; 3]) -> String {
+        match &self.workgroup {
+            Some(layout) => {
+                let [a, b, c] = array::from_fn(|axis| [x, y, z][axis] / layout.size[axis].max(1));
+                format!("invocation ({x}, {y}, {z}) of workgroup ({a}, {b}, {c})")
+            }
+            None => format!("launch id ({x}, {y}, {z})"),
+        }
     }
 
     /// The bindings of the slots, for [`Resources::bindings`](crate::machine::Resources::bindings).

@@ -263,8 +263,12 @@ impl Program {
     /// Follows indices from a pointer on: returns those into arrays, vectors and matrices, and the
     /// source expression of the part that they lead to.
     fn follow_indices(&self, base: Id, indices: &[u32]) -> (Vec<ChainIndex>, String) {
+        self.follow_indices_from(self.path(base).unwrap_or_default(), base, indices)
+    }
+
+    /// As [`Program::follow_indices`], given the source expression of the base.
+    fn follow_indices_from(&self, mut path: String, base: Id, indices: &[u32]) -> (Vec<ChainIndex>, String) {
         let module = &self.module;
-        let mut path = self.path(base).unwrap_or_default();
         let mut chain_indices = Vec::new();
         let Some(mut ty) = module.pointee(base) else { return (chain_indices, path) };
         let is_variable = matches!(module.definition(base), Some(Definition::Variable(_)));
@@ -317,6 +321,39 @@ impl Program {
         match words {
             [head, pointer, ..] if head & 0xFFFF == STORE => self.path(Id(*pointer)),
             _ => None,
+        }
+    }
+
+    /// The source expression of what an operation accesses through a pointer that the shader has
+    /// loaded or computed, which begins with the name of the type that the pointer leads to:
+    /// `Node.children[].mass`; `None` where that has no name.
+    pub(crate) fn pointee_path(&self, op: OpIndex) -> Option<String> {
+        const LOAD: u16 = 61;
+        const STORE: u16 = 62;
+        const ATOMIC_STORE: u16 = 228;
+        let words = self.module.words.get(self.origins.get(op.index())?.offset as usize..)?;
+        let pointer = match *words.first()? as u16 {
+            STORE | ATOMIC_STORE => words.get(1)?,
+            opcode if opcode == LOAD || atomic::OPCODES.iter().any(|&one| one as u16 == opcode) => {
+                words.get(3)?
+            }
+            _ => return None,
+        };
+        let type_name = |pointer: Id| {
+            let ty = self.module.pointee(pointer)?;
+            self.module.name(self.module.id_of_type(ty)?).map(str::to_owned)
+        };
+        let Some(Definition::Result(function, block, at)) = self.module.definition(Id(*pointer)) else {
+            return type_name(Id(*pointer));
+        };
+        let block = &self.module.functions[function as usize].blocks[block as usize];
+        let instruction: &Instruction = &block.instructions[at as usize];
+        match (instruction.opcode, self.module.operands(instruction)) {
+            (opcode::ACCESS_CHAIN | opcode::IN_BOUNDS_ACCESS_CHAIN, [base, indices @ ..])
+            | (opcode::PTR_ACCESS_CHAIN | opcode::IN_BOUNDS_PTR_ACCESS_CHAIN, [base, _, indices @ ..]) => {
+                Some(self.follow_indices_from(type_name(Id(*base))?, Id(*base), indices).1)
+            }
+            _ => type_name(Id(*pointer)),
         }
     }
 

@@ -56,14 +56,15 @@ impl Expectations {
             let (shader, op) = (ShaderIndex(shader), OpIndex(op));
             let Some(plan) = plans.get(shader.index()) else { continue };
             let program = &*plan.program;
-            let Outcome { met, missed, launch_id: [x, y, z] } = *outcome;
+            let Outcome { met, missed, launch_id } = *outcome;
             let message = format!("the expected value came {met} times, and another {missed} times");
             let error = with_location(program, op, Error::new(ErrorKind::Finding, message), "");
             let (stage, name) = (program.stage.name(), &program.name);
-            let error = error.note(format!("in {stage} `{name}`, first in launch id ({x}, {y}, {z})"));
+            let first = program.describe_invocation(launch_id);
+            let error = error.note(format!("in {stage} `{name}`, first in {first}"));
             let offset = program.origins.get(op.index()).map_or(0, |origin| origin.offset);
             let key = FindingKey { rule: rule.id, places: [(shader, offset), (shader, 0)] };
-            let (launch_id, stack) = ([x, y, z], vec![program.frame(shader, op)]);
+            let stack = vec![program.frame(shader, op)];
             findings.add(key, 1, Some(Finding { rule, level, count: 1, launch_id, stack, error }));
         }
     }

@@ -167,6 +167,18 @@ impl Findings {
         self
     }
 
+    /// The findings of a scene, whose shaders are each told by the first that is the same: of a
+    /// shader that several groups or pipelines have, a finding is one.
+    #[must_use]
+    pub fn of_same_shaders(self, first_same: &[usize]) -> Self {
+        let number = |holder| first_same.get(holder as usize).map_or(holder, |&first| first as u64);
+        let mut merged = Self { occurrences: self.occurrences.clone(), ..Self::default() };
+        for (key, finding) in self.into_keyed() {
+            merged.sum_up(key.renumbered(number), finding);
+        }
+        merged
+    }
+
     /// The findings of a scene among those of others, each shader told by a number of its module
     /// (those of the scene's shaders, in their order), all else by a number of the scene.
     #[must_use]
@@ -210,11 +222,29 @@ impl Findings {
         self.list.retain(keep);
     }
 
-    /// The findings with a note more on each.
+    /// The findings that all of some other runs have, too.
     #[must_use]
-    pub fn with_note(mut self, note: &str) -> Self {
-        for finding in &mut self.list {
-            finding.error = finding.error.clone().note(note);
+    pub fn only_in_all(self, others: &[Self]) -> Self {
+        let mut common = Self::default();
+        for (key, finding) in self.into_keyed() {
+            if others.iter().all(|other| other.by_key.contains_key(&key)) {
+                common.sum_up(key, finding);
+            }
+        }
+        common
+    }
+
+    /// The findings with the default levels of those that all of some runs have, and a note more on
+    /// the others.
+    #[must_use]
+    pub fn with_defaults_of_all(mut self, runs: &[Self], note_on_others: &str) -> Self {
+        for (key, &at) in &self.by_key {
+            let finding = &mut self.list[at];
+            if !runs.is_empty() && runs.iter().all(|run| run.by_key.contains_key(key)) {
+                finding.level = finding.rule.kind.default_level();
+            } else {
+                finding.error = finding.error.clone().note(note_on_others);
+            }
         }
         self
     }

@@ -11,6 +11,10 @@ pub struct Levels {
     by_id: SortedMap<&'static str, Level>,
 }
 
+/// Rules that were a part of another one: where its own level is not set, each has the level that
+/// is set for that one.
+static SPLIT_FROM: [(&str, &str); 1] = [("race-workgroup", "race-buffer")];
+
 /// The default of every rule.
 static DEFAULTS: Levels = Levels { by_id: SortedMap::new() };
 
@@ -39,7 +43,9 @@ impl Levels {
 
     /// Sets the level of all rules that deny by default, or warn.
     pub fn set_all(&mut self, level: Level) {
-        self.by_id.extend(rule::all().map(|rule| (rule.id, level)));
+        let is_part = |id: &str| SPLIT_FROM.iter().any(|(part, _)| *part == id);
+        self.by_id.retain(|id, _| !is_part(id));
+        self.by_id.extend(rule::all().filter(|rule| !is_part(rule.id)).map(|rule| (rule.id, level)));
     }
 
     /// These levels for some rules, and all others allowed.
@@ -54,13 +60,21 @@ impl Levels {
     /// These levels, and over them those that others set.
     #[must_use]
     pub fn overridden_by(mut self, others: &Self) -> Self {
+        for (part, whole) in SPLIT_FROM {
+            if let Some(&level) = others.by_id.get(whole) {
+                self.by_id.insert(part, level);
+            }
+        }
         self.by_id.extend(others.by_id.iter().map(|(&id, &level)| (id, level)));
         self
     }
 
     /// The level of a rule.
     pub fn of(&self, rule: &Rule) -> Level {
-        self.by_id.get(rule.id).copied().unwrap_or_else(|| rule.kind.default_level())
+        let set = |id: &str| self.by_id.get(id).copied();
+        let of_whole =
+            || SPLIT_FROM.iter().find(|(part, _)| *part == rule.id).and_then(|(_, whole)| set(whole));
+        set(rule.id).or_else(of_whole).unwrap_or_else(|| rule.kind.default_level())
     }
 }
 
@@ -86,5 +100,29 @@ mod tests {
         let error = levels.set("nan-outputs", Level::Allow).expect_err("no rule");
         assert_eq!(error.message(), "the sanitizer has no rule `nan-outputs`");
         assert_eq!(error.notes(), ["did you mean `nan-output`?"]);
+    }
+
+    #[test]
+    fn a_rule_that_was_a_part_of_another_keeps_the_level_of_that_one() {
+        use rule::race::{RACE_BUFFER, RACE_WORKGROUP};
+        let set = |pairs: &[(&str, Level)]| {
+            let mut levels = Levels::default();
+            pairs.iter().for_each(|(id, level)| levels.set(id, *level).expect("a rule"));
+            levels
+        };
+        let of = |levels: &Levels| [&RACE_BUFFER, &RACE_WORKGROUP].map(|rule| levels.of(rule));
+        let allowed = set(&[("race-buffer", Level::Allow)]);
+        assert_eq!(of(&allowed), [Level::Allow; 2]);
+        let own = set(&[("race-workgroup", Level::Warn), ("race-buffer", Level::Allow)]);
+        assert_eq!(of(&own), [Level::Allow, Level::Warn]);
+        assert_eq!(of(&set(&[("race-workgroup", Level::Warn)])), [Level::Deny, Level::Warn]);
+        let mut all = Levels::default();
+        all.set_all(Level::Warn);
+        assert_eq!(of(&all), [Level::Warn; 2]);
+        all.set("race-buffer", Level::Allow).expect("a rule");
+        assert_eq!(of(&all), [Level::Allow; 2]);
+        // A flag wins over the scene, whichever of the two names each has.
+        assert_eq!(of(&own.clone().overridden_by(&allowed)), [Level::Allow; 2]);
+        assert_eq!(of(&allowed.overridden_by(&own)), [Level::Allow, Level::Warn]);
     }
 }

@@ -8,7 +8,7 @@ use rustc_hash::FxHashMap;
 use crate::machine::NO_CAUSE;
 
 /// An access: who, and what, by the number of a [`super::races`] event; all zero for none.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub(super) struct Access {
     /// The number of the invocation in its launch.
     pub invocation: u32,

@@ -18,6 +18,7 @@ mod flushed_use;
 #[cfg(feature = "cli")]
 pub mod formats;
 pub mod hit_indices;
+mod host_ray;
 mod interface_types;
 pub mod lane_operands;
 pub mod levels;

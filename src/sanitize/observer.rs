@@ -55,6 +55,11 @@ impl<const W: usize> Observer<W> for Sanitizer<'_> {
         }
         if batch.live().is_empty() && !is_compute {
             self.frames.pop();
+            let is_called =
+                self.plans.get(shader.index()).is_some_and(|plan| plan.program.stage != Stage::RayGeneration);
+            if self.frames.is_empty() && is_called {
+                self.ended.push(shader);
+            }
         } else if let Some(frame) = self.frames.last_mut() {
             frame.op = batch.op.previous().unwrap_or(batch.op);
             if let Some(races) = &mut self.races {

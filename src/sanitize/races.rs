@@ -9,31 +9,30 @@
 //!   where the earlier shader has an instruction that releases and the later one has one that
 //!   acquires. The shaders of one trace are not ordered among each other.
 //! * A control barrier of scope Workgroup orders the invocations of a workgroup for the storage
-//!   classes of its memory semantics, and for those of all memory barriers of the module: whether
-//!   these stand beside the control barrier is not looked at.
-//! * A control barrier of scope Subgroup orders the invocations of a subgroup. Where a module has
-//!   one, accesses within a subgroup count as ordered throughout; in ray tracing, where subgroups
-//!   change, all accesses do.
-//! * Atomic instructions order what stands before a release with what stands behind an acquire:
-//!   their own, or those of a fence that the invocation has passed before the instruction, or
-//!   passes behind it. Where since the earlier access its workgroup (in ray tracing: invocation)
-//!   has released through an atomic instruction, and that of the later access acquired through one,
-//!   each of a scope that holds both, they count as ordered, whichever location the instructions
-//!   were on.
+//!   classes of its memory semantics; without the Vulkan memory model also for those of all memory
+//!   barriers of the module, as whether these stand beside the control barrier is not looked at.
+//! * A control barrier of scope Subgroup orders the invocations of a subgroup. Without the Vulkan
+//!   memory model, where a module has one, accesses within a subgroup count as ordered throughout;
+//!   in ray tracing, where subgroups change, all accesses do.
+//! * Atomic instructions order what stands before a release with what stands behind an acquire,
+//!   where the one that acquires reads what the other, or its release sequence, has written: their
+//!   own, or those of a fence that the invocation has passed before the instruction, or passes
+//!   behind it ([`synchronization`]).
 //!
 //! Atomic instructions are ordered among each other where they have one width, go through one
 //! descriptor, and each is in the scope of the other. Ordered accesses through different
-//! descriptors are looked at, too, and those that are not coherent.
+//! descriptors are looked at, too, and those that are not coherent. With the Vulkan memory model, a
+//! write must be available, and visible to a read, by chains of operations that lead from one to
+//! the other ([`knowledge`]).
 //!
 //! So a pair that is reported is not ordered, but not all that are unordered are found. Loads whose
 //! result is unused, samples of images and read-only bindings are not looked at.
 
-use rspirv::spirv::{Op as Opcode, Scope};
+use rspirv::spirv::Op as Opcode;
 use rustc_hash::FxHashSet;
 
 use crate::machine::{Batch, Binding, Bindings, Reg};
 use crate::math::array;
-use crate::module::Id;
 use crate::ops::atomic::{AtomicKind, AtomicOp, AtomicTarget};
 use crate::ops::image::ImageOp;
 use crate::ops::image::reader::LaneReader;
@@ -44,28 +43,34 @@ use crate::sanitize::cause::OpPlace;
 use crate::sanitize::memory_shadow::{Access, MemoryKey, SharedAccesses};
 use crate::sanitize::plan::{InstructionWords, ProgramPlan};
 use crate::sanitize::races::bindings::{References, Written};
-use crate::sanitize::races::class::{Class, Classes};
+use crate::sanitize::races::class::Class;
 use crate::sanitize::races::conflict::rank;
-use crate::sanitize::races::fences::fence_of;
 use crate::sanitize::races::order::{AccessForm, Accessor, Event, LaneOrder, Order};
-use crate::sanitize::races::ordering::Ordering;
+use crate::sanitize::races::ordering::Semantics;
+use crate::sanitize::races::synchronization::AtomicAccess;
 use crate::sanitize::rule::Rule;
 
 mod bindings;
 mod calls;
 mod class;
 mod conflict;
-mod fences;
+mod knowledge;
+mod level;
 #[cfg(test)]
 mod litmus;
 #[cfg(test)]
 mod litmus_calls;
 #[cfg(test)]
+mod litmus_families;
+#[cfg(test)]
 mod litmus_model;
+#[cfg(test)]
+mod litmus_oracle;
 #[cfg(test)]
 mod litmus_shapes;
 mod order;
 mod ordering;
+mod synchronization;
 mod traits;
 
 pub(super) use bindings::overlapping_bindings;
@@ -144,6 +149,9 @@ impl Races {
     /// A shader begins, which that of another call has called or nobody. Returns the number of its
     /// call.
     pub(super) fn begin_call(&mut self, caller: Option<u32>) -> u32 {
+        if caller.is_none() && !self.order.sync.topology.is_compute {
+            self.order.end_invocations();
+        }
         self.order.calls.begin(caller)
     }
 
@@ -166,21 +174,23 @@ impl Races {
 
     /// The running invocations wait at a control barrier of scope Workgroup.
     pub(super) fn barrier<const W: usize>(&mut self, batch: &Batch<W>, program: &Program, place: OpPlace) {
-        let own = match instruction(program, place).words {
-            &[_, _, _, semantics, ..] => Classes::of(program.module.scalar_value(Id(semantics))),
-            _ => Classes::ALL,
-        };
-        for lane in batch.mask.lanes() {
-            self.order.barrier(batch.invocations.number(lane) as u32, own);
-        }
-        self.fence(batch, program, place);
+        let semantics = self.order.barrier_semantics(&program.module, instruction(program, place));
+        let invocations = batch.mask.lanes().map(|lane| batch.invocations.number(lane) as u32);
+        self.order.barrier(invocations, semantics);
     }
 
     /// The running invocations have passed a memory barrier, or another instruction that orders
     /// nothing.
     pub(super) fn fence<const W: usize>(&mut self, batch: &Batch<W>, program: &Program, place: OpPlace) {
+        let instruction = instruction(program, place);
+        let of_subgroup = match instruction.opcode {
+            Some(Opcode::MemoryBarrier) => false,
+            Some(Opcode::ControlBarrier) => true,
+            _ => return,
+        };
+        let Some(semantics) = self.order.semantics(&program.module, instruction, true) else { return };
         let invocations = batch.mask.lanes().map(|lane| batch.invocations.number(lane) as u32);
-        self.order.fence(invocations, fence_of(&program.module, instruction(program, place)));
+        self.order.fence(invocations, semantics, of_subgroup);
     }
 
     /// The running invocations have loaded or stored a part of a buffer, or of the workgroup's
@@ -194,7 +204,7 @@ impl Races {
         kind: AccessKind,
         values: Option<Reg>,
     ) -> Vec<Race> {
-        self.access_lanes(batch, bindings, place, chunk, values, |_| AccessForm::new(kind, 0))
+        self.access_lanes(batch, bindings, place, chunk, values, |_| (AccessForm::new(kind, 0), None))
     }
 
     fn access_lanes<const W: usize>(
@@ -204,7 +214,7 @@ impl Races {
         place: OpPlace,
         chunk: &Chunk,
         values: Option<Reg>,
-        form: impl Fn(usize) -> AccessForm,
+        form: impl Fn(usize) -> (AccessForm, Option<Semantics>),
     ) -> Vec<Race> {
         self.prepare_lanes(batch);
         let mut races = Vec::new();
@@ -219,7 +229,7 @@ impl Races {
             };
             let in_workgroup = is_workgroup(&batch.registers, lane, chunk.buffer);
             let class = if in_workgroup { Class::Workgroup } else { Class::Buffer };
-            let form = form(lane);
+            let (form, semantics) = form(lane);
             let form = match (in_workgroup, handle) {
                 (true, _) => form,
                 (false, None) => AccessForm { handle: AccessForm::ADDRESS, ..form },
@@ -230,19 +240,33 @@ impl Races {
                 true => (MemoryKey::Workgroup(now.group), offset),
                 false => (MemoryKey::Buffer(buffer.memory_id()), buffer.offset() + offset),
             };
+            let atomic = semantics.map(|semantics| self.atomic_access((key, at), &now, semantics));
+            self.order.before_atomic(now.invocation, atomic.as_ref(), form.kind);
             let access = self.number(&now);
             let value = |from: u32, size: u32| {
                 values.map_or(0, |first| stored_bits(batch, lane, first, chunk.width / 8, from, size))
             };
             let mut worst: Option<(&'static Rule, Access, u32, u32)> = None;
             let Self { accesses, order, .. } = self;
+            let (keeps_seen, mut seen) = (order.keeps_seen(&now), Vec::new());
             accesses.visit(key, at, bytes, |from, size, cell| {
+                let earlier = [cell.store, cell.atomic];
                 let found = order.access(cell, &now, access, value(from, size));
-                let Some((rule, other)) = found else { return };
+                let Some((rule, other)) = found else {
+                    if keeps_seen {
+                        seen.extend(earlier.into_iter().filter_map(Access::known));
+                    }
+                    return;
+                };
                 if worst.is_none_or(|(known, ..)| rank(rule) < rank(known)) {
                     worst = Some((rule, other, from, size));
                 }
             });
+            seen.into_iter().for_each(|earlier| order.note_seen(earlier, &now));
+            order.after_atomic(now.invocation, atomic.as_ref(), form.kind);
+            if form.kind == AccessKind::Store {
+                order.overwrite((key, at));
+            }
             if let Some((rule, other, from, size)) = worst {
                 let location = match in_workgroup {
                     true => Location::Workgroup { offset: offset as u32 + from, bytes: size },
@@ -263,8 +287,10 @@ impl Races {
         place: OpPlace,
         atomic: &AtomicOp,
     ) -> Vec<Race> {
+        let instruction = instruction(program, place);
         let kind = |lane: usize| match atomic.kind {
             AtomicKind::Load => AccessKind::AtomicLoad,
+            _ if instruction.opcode == Some(Opcode::AtomicStore) => AccessKind::AtomicStore,
             AtomicKind::CompareExchange => {
                 let word = |first: Reg, at: u32| batch.registers[first.plus(at)].0[lane];
                 let fails = (0..atomic.words()).any(|at| word(atomic.to, at) != word(atomic.comparator, at));
@@ -272,16 +298,31 @@ impl Races {
             }
             _ => AccessKind::AtomicUpdate,
         };
-        let form = |lane: usize| AccessForm::new(kind(lane), atomic.width);
+        let [equal, unequal] =
+            [true, false].map(|is_equal| self.order.semantics(&program.module, instruction, is_equal));
+        let form = |lane: usize| {
+            let kind = kind(lane);
+            let semantics = if kind == AccessKind::AtomicLoad { unequal } else { equal };
+            (AccessForm::new(kind, atomic.width), semantics)
+        };
         let races = match &atomic.target {
             AtomicTarget::Buffer(chunk) => self.access_lanes(batch, bindings, place, chunk, None, form),
             AtomicTarget::Texel(texel) => self.access_texels(batch, bindings, place, texel, form, |_| 0),
             AtomicTarget::Registers { .. } => return Vec::new(),
         };
-        let invocations = batch.mask.lanes().map(|lane| batch.invocations.number(lane) as u32);
-        let scope = self.order.traits(place).scope;
-        self.order.synchronize(invocations, atomic_ordering(program, place, scope), scope);
+        self.order.sync.clock += 1;
         races
+    }
+
+    /// An atomic instruction's access to a place in memory.
+    fn atomic_access(
+        &self,
+        location: (MemoryKey, u64),
+        now: &Accessor,
+        semantics: Semantics,
+    ) -> AtomicAccess {
+        let Accessor { class, form: AccessForm { reference, width, .. }, .. } = *now;
+        AtomicAccess { location, class, reference, width, level: semantics.level, semantics }
     }
 
     /// The running invocations have read or written texels.
@@ -294,7 +335,7 @@ impl Races {
     ) -> Vec<Race> {
         match image {
             ImageOp::Read(read) => {
-                let form = |_| AccessForm::new(AccessKind::Load, 0);
+                let form = |_| (AccessForm::new(AccessKind::Load, 0), None);
                 self.access_texels(batch, bindings, place, &read.texel, form, |_| 0)
             }
             ImageOp::Write(write) => {
@@ -306,7 +347,7 @@ impl Races {
                         (all.rotate_left(5) ^ batch.registers[register].0[lane]).wrapping_mul(0x9E37_79B9)
                     })
                 };
-                let form = |_| AccessForm::new(AccessKind::Store, 0);
+                let form = |_| (AccessForm::new(AccessKind::Store, 0), None);
                 self.access_texels(batch, bindings, place, &write.texel, form, value)
             }
             _ => Vec::new(),
@@ -319,7 +360,7 @@ impl Races {
         bindings: &Bindings,
         place: OpPlace,
         texel: &TexelRef,
-        form: impl Fn(usize) -> AccessForm,
+        form: impl Fn(usize) -> (AccessForm, Option<Semantics>),
         value: impl Fn(usize) -> u32,
     ) -> Vec<Race> {
         self.prepare_lanes(batch);
@@ -328,15 +369,27 @@ impl Races {
             let reader = LaneReader::new(&batch.registers, lane, bindings);
             let Ok((image, index)) = texel.resolve(reader) else { continue };
             let handle = reader.word(texel.image);
-            let form = form(lane).through(self.references.number(place.shader, handle), handle);
+            let (form, semantics) = form(lane);
+            let form = form.through(self.references.number(place.shader, handle), handle);
             let now = self.accessor(lane, Class::Image, place, form);
+            let location = (MemoryKey::Image(std::ptr::from_ref(image).addr()), 4 * index as u64);
+            let atomic = semantics.map(|semantics| self.atomic_access(location, &now, semantics));
+            self.order.before_atomic(now.invocation, atomic.as_ref(), form.kind);
             let access = self.number(&now);
-            let key = MemoryKey::Image(std::ptr::from_ref(image).addr());
             let (mut found, value) = (None, value(lane));
             let Self { accesses, order, .. } = self;
-            accesses.visit(key, 4 * index as u64, 4, |_, _, cell| {
+            let (keeps_seen, mut earlier) = (order.keeps_seen(&now), [Access::default(); 2]);
+            accesses.visit(location.0, location.1, 4, |_, _, cell| {
+                earlier = [cell.store, cell.atomic];
                 found = order.access(cell, &now, access, value);
             });
+            if keeps_seen && found.is_none() {
+                earlier.into_iter().filter_map(Access::known).for_each(|one| order.note_seen(one, &now));
+            }
+            order.after_atomic(now.invocation, atomic.as_ref(), form.kind);
+            if form.kind == AccessKind::Store {
+                order.overwrite(location);
+            }
             if let Some((rule, other)) = found {
                 let location = Location::Texel { handle: reader.word(texel.image) };
                 races.push(self.race(rule, lane, &now, location, other));
@@ -353,15 +406,16 @@ impl Races {
 
     fn prepare_lanes<const W: usize>(&mut self, batch: &Batch<W>) {
         if self.lanes.is_empty() {
-            let order = &self.order;
+            let order = &mut self.order;
             self.lanes.extend((0..W).map(|lane| order.lane(batch.invocations.number(lane) as u32)));
         }
     }
 
     #[inline]
     fn accessor(&self, lane: usize, class: Class, place: OpPlace, form: AccessForm) -> Accessor {
-        let LaneOrder { invocation, group, epochs } = self.lanes[lane];
-        Accessor { invocation, group, epoch: epochs[class as usize], call: self.call, class, place, form }
+        let LaneOrder { invocation, group, passed } = self.lanes[lane];
+        let (epoch, barriers) = (passed.epochs[class as usize], passed.all);
+        Accessor { invocation, group, epoch, barriers, call: self.call, class, place, form }
     }
 
     #[inline]
@@ -455,20 +509,6 @@ pub(super) fn launch_id<const W: usize>(
 fn instruction(program: &Program, place: OpPlace) -> InstructionWords<'_> {
     let offset = program.origins.get(place.op.index()).map_or(u32::MAX, |origin| origin.offset);
     InstructionWords::at(&program.module, offset)
-}
-
-/// What an atomic instruction of a scope releases and acquires by itself.
-fn atomic_ordering(program: &Program, place: OpPlace, scope: Option<Scope>) -> Ordering {
-    let InstructionWords { opcode, words } = instruction(program, place);
-    let ordering = |at: usize| {
-        let id = words.get(at).map(|&word| Id(word));
-        Ordering::of(id.and_then(|id| program.module.scalar_value(id)), scope)
-    };
-    match opcode {
-        Some(Opcode::AtomicStore) => ordering(3),
-        Some(Opcode::AtomicCompareExchange) => ordering(5).with(ordering(6)),
-        _ => ordering(5),
-    }
 }
 
 #[cfg(test)]

@@ -58,6 +58,8 @@ pub enum Sink {
     HitObject,
     /// Other lanes of the subgroup.
     Subgroup,
+    /// The payload of a ray from the host.
+    Payload,
 }
 
 impl Sink {
@@ -81,6 +83,7 @@ impl Sink {
             Self::Report => "reaches the hit attributes of a reported intersection".into(),
             Self::HitObject => "reaches a hit object".into(),
             Self::Subgroup => "reaches other lanes of the subgroup".into(),
+            Self::Payload => "is left in the payload of the ray".into(),
         }
     }
 }
@@ -117,6 +120,9 @@ struct Told {
     cause: (ShaderIndex, u32),
     /// The word of an instruction that is no operation, where the report points to one.
     word: Option<u32>,
+    /// Whether all that one line does for the cause is one report: a compiler may have split what
+    /// it does with a vector into its components.
+    by_line: bool,
     /// What tells it apart instead of place and cause.
     key: Option<[(ShaderIndex, u32); 2]>,
     /// Whether it only seems so: it is never more than a warning.
@@ -139,7 +145,8 @@ impl Told {
     /// A report at a place, of a cause there.
     fn at(rule: &'static Rule, place: OpPlace, message: String) -> Self {
         let (label, notes, cause) = (String::new(), Vec::new(), (place.shader, 0));
-        Self { rule, message, place, label, notes, cause, word: None, key: None, is_uncertain: false }
+        let (word, by_line, key, is_uncertain) = (None, false, None, false);
+        Self { rule, message, place, label, notes, cause, word, by_line, key, is_uncertain }
     }
 }
 
@@ -206,6 +213,13 @@ impl<const W: usize> Reporter<'_, W> {
         self.add_for_causes(shadow, register, op, lanes, told);
     }
 
+    /// Reports that something depends on what is undefined for a cause.
+    pub(super) fn undefined_for(&mut self, cause: u32, op: OpIndex, lanes: Mask<W>, sink: Sink) {
+        if let Some(told) = self.tell_undefined(cause, op, sink) {
+            self.add(told, op, lanes);
+        }
+    }
+
     /// Reports two accesses that race, the later of which is that of an operation.
     pub(super) fn race(&mut self, op: OpIndex, found: &Race) {
         let here = OpPlace { shader: self.shader(), op };
@@ -215,13 +229,18 @@ impl<const W: usize> Reporter<'_, W> {
         };
         let [x, y, z] = races::launch_id(self.batch, found.lane, program, found.other_invocation);
         let location = match found.location {
-            Location::Buffer { handle, offset, bytes } => {
-                let name = handle.and_then(|handle| program.describe_descriptor(handle));
-                let name = name.unwrap_or_else(|| "the buffer at a device address".to_owned());
-                format!("{} at offset {offset} of {name}", byte_count(bytes))
+            Location::Buffer { handle: Some(handle), offset, bytes } => {
+                program.describe_buffer_byte(handle, offset).unwrap_or_else(|| {
+                    let name = program.describe_descriptor(handle).unwrap_or_else(|| "a buffer".to_owned());
+                    format!("{} at offset {offset} of {name}", byte_count(bytes))
+                })
             }
+            Location::Buffer { handle: None, offset, bytes } => match program.pointee_path(op) {
+                Some(path) => format!("`{path}` at offset {offset} of the buffer at a device address"),
+                None => format!("{} at offset {offset} of the buffer at a device address", byte_count(bytes)),
+            },
             Location::Workgroup { offset, bytes } => match workgroup_path(program, offset) {
-                Some((_, path)) => format!("{} of `{path}`", byte_count(bytes)),
+                Some((_, path)) => format!("`{path}`"),
                 None => format!("{} at offset {offset} of the workgroup's memory", byte_count(bytes)),
             },
             Location::Texel { handle } => {
@@ -336,7 +355,7 @@ impl<const W: usize> Reporter<'_, W> {
                 Told {
                     label: "this value is undefined (OpUndef)".into(),
                     notes: vec![format!("it {says}{}", self.line(here))],
-                    cause: (place.shader, offset(self.program(place.shader)?, place.op)),
+                    cause: (place.shader, line_or_offset(self.program(place.shader)?, place.op)),
                     ..Told::at(&memory::UNDEF_USE, place, message)
                 }
             }
@@ -356,12 +375,13 @@ impl<const W: usize> Reporter<'_, W> {
                 let mut notes = self.births(details.operand);
                 notes.push(format!("it {says}{}", self.line(here)));
                 let message = format!("{}, whose result is undefined, {says}", details.message);
-                let cause = (place.shader, offset(self.program(place.shader)?, place.op));
+                let cause = (place.shader, line_or_offset(self.program(place.shader)?, place.op));
                 let label = "its result is undefined".into();
                 Told { label, notes, cause, ..Told::at(details.rule, place, message) }
             }
             Cause::Filled { .. } | Cause::Born { .. } => return None,
         };
+        told.by_line = true;
         if filled != 0 {
             told.notes.push(format!("of its bits, only {filled:#010x} were written, by bitfieldInsert"));
         }
@@ -397,7 +417,8 @@ impl<const W: usize> Reporter<'_, W> {
         let (Some(program), Some(at)) = (self.program(self.shader()), self.program(told.place.shader)) else {
             return;
         };
-        let places = told.key.unwrap_or([(told.place.shader, offset(at, told.place.op)), told.cause]);
+        let place = if told.by_line { line_or_offset } else { offset }(at, told.place.op);
+        let places = told.key.unwrap_or([(told.place.shader, place), told.cause]);
         let key = FindingKey { rule: told.rule.id, places };
         let launch_id = self.batch.invocations.launch_id(lane);
         let make = || {
@@ -407,9 +428,9 @@ impl<const W: usize> Reporter<'_, W> {
                 None => with_location(at, told.place.op, error, &told.label),
             };
             let error = told.notes.into_iter().fold(error, Error::note);
-            let [x, y, z] = launch_id;
             let (stage, name) = (program.stage.name(), &program.name);
-            let mut error = error.note(format!("in {stage} `{name}`, launch id ({x}, {y}, {z})"));
+            let invocation = program.describe_invocation(launch_id);
+            let mut error = error.note(format!("in {stage} `{name}`, {invocation}"));
             let mut stack = vec![program.frame(self.shader(), op)];
             for frame in self.frames.iter().rev().skip(1) {
                 let Some(caller) = self.program(frame.shader) else { continue };

@@ -49,6 +49,8 @@ pub struct Sanitizer<'a> {
     pub(super) first_workgroup: Option<u32>,
     /// Calls, by their operation and the called shader, that pass what that shader declares.
     pub(super) matching_calls: FxHashSet<(OpPlace, ShaderIndex)>,
+    /// The shaders that the host has called and that have ended, in their order.
+    pub(super) ended: Vec<ShaderIndex>,
 }
 
 impl<'a> Sanitizer<'a> {
@@ -68,6 +70,7 @@ impl<'a> Sanitizer<'a> {
             expectations: Expectations::default(),
             first_workgroup: None,
             matching_calls: FxHashSet::default(),
+            ended: Vec::new(),
         }
     }
 
@@ -131,6 +134,7 @@ impl<'a> Sanitizer<'a> {
             expectations: self.expectations,
             first_workgroup: self.first_workgroup,
             matching_calls: self.matching_calls,
+            ended: self.ended,
         }
     }
 
@@ -151,15 +155,20 @@ impl<'a> Sanitizer<'a> {
         self.causes.number(cause, details)
     }
 
-    /// The number of the cause that an operation loads what nobody has written.
+    /// The number of the cause that an operation loads what nobody has written: a part of a buffer
+    /// or image, which the source may have a name for.
     pub(super) fn unwritten_cause(
         &mut self,
         rule: &'static Rule,
         place: OpPlace,
         part: UnwrittenPart,
+        member: impl FnOnce() -> Option<String>,
     ) -> u32 {
         let Self { causes, unwritten, .. } = self;
-        let details = || Some(CauseDetails { rule, message: unwritten.describe(part), operand: NO_CAUSE });
+        let details = || {
+            let message = unwritten.describe(part, member());
+            Some(CauseDetails { rule, message, operand: NO_CAUSE })
+        };
         causes.number(Cause::UnwrittenPart { place, object: part.object }, details)
     }
 

@@ -49,6 +49,7 @@ impl Finding {
 fn rule_of(trap: &Trap) -> &'static Rule {
     use TrapCode as C;
     match trap.code {
+        C::IndexOutOfBounds | C::BufferOutOfBounds if is_in_record(&trap.operands) => &stop::RECORD_RANGE,
         C::IndexOutOfBounds => match trap.operands {
             TrapOperands::Buffer { index: Some(_), .. } => &stop::BUFFER_BOUNDS,
             _ => &stop::LOCAL_ARRAY_BOUNDS,
@@ -97,6 +98,11 @@ fn rule_of(trap: &Trap) -> &'static Rule {
     }
 }
 
+/// Whether an access that trapped is one to the shader record.
+fn is_in_record(operands: &TrapOperands) -> bool {
+    matches!(operands, TrapOperands::Buffer { storage_class: Some("ShaderRecordBufferKHR"), .. })
+}
+
 fn ray_rule(broken: RayRule) -> &'static Rule {
     match broken {
         RayRule::NotNan => &stop::RAY_NAN,
@@ -131,6 +137,29 @@ mod tests {
             let has_level = all().any(|other| std::ptr::eq(other, rule));
             assert_eq!(has_level, code == TrapCode::SamplerMismatch, "{code:?}");
         }
+    }
+
+    #[test]
+    fn what_is_beyond_a_record_breaks_the_rule_of_records() {
+        let rule = |code, storage_class| {
+            let mut trap = Trap::new(code);
+            trap.operands = TrapOperands::Buffer {
+                descriptor: None,
+                storage_class,
+                offset: 16,
+                bytes: 4,
+                size: Some(16),
+                index: Some(4),
+                length: Some(4),
+                of: None,
+            };
+            rule_of(&trap).id
+        };
+        let record = Some("ShaderRecordBufferKHR");
+        assert_eq!(rule(TrapCode::BufferOutOfBounds, record), "record-range");
+        assert_eq!(rule(TrapCode::IndexOutOfBounds, record), "record-range");
+        assert_eq!(rule(TrapCode::BufferOutOfBounds, Some("PushConstant")), "buffer-bounds");
+        assert_eq!(rule(TrapCode::BufferOutOfBounds, None), "buffer-bounds");
     }
 
     #[test]

@@ -387,13 +387,15 @@ impl<'a> RayWatch<'a> {
                 error = with_location(program, caller.op, error, "this ray");
             }
             error = notes.into_iter().fold(error, Error::note);
-            let (mut stack, [x, y, z]) = (Vec::new(), launch_id);
+            let mut stack = Vec::new();
             for ray in self.active.iter().rev().filter(|ray| ray.launch_id == launch_id) {
                 let Some(Caller { shader, op, .. }) = ray.caller else { continue };
                 let program = &self.pipeline.programs[shader.index()];
                 let (stage, name) = (program.stage.name(), &program.name);
                 error = match stack.is_empty() {
-                    true => error.note(format!("in {stage} `{name}`, launch id ({x}, {y}, {z})")),
+                    true => {
+                        error.note(format!("in {stage} `{name}`, {}", program.describe_invocation(launch_id)))
+                    }
                     false => error.note(format!("called by {stage} `{name}`{}", source_line(program, op))),
                 };
                 stack.push(program.frame(shader, op));

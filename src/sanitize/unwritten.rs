@@ -151,11 +151,14 @@ impl UnwrittenMemory {
         }
     }
 
-    /// A part as a report names it.
-    pub(super) fn describe(&self, part: UnwrittenPart) -> String {
+    /// A part as a report names it, given the source expression of a buffer's.
+    pub(super) fn describe(&self, part: UnwrittenPart, member: Option<String>) -> String {
         let Unwritten { name, shape, .. } = &self.objects[part.object as usize];
         match shape {
-            None => format!("what lies at offset {} of `{name}`", part.at),
+            None => match member {
+                Some(member) => format!("{member}, at offset {} of `{name}`,", part.at),
+                None => format!("what lies at offset {} of `{name}`", part.at),
+            },
             Some(shape) => format!("texel {} of `{name}`", texel_name(shape, part.at)),
         }
     }

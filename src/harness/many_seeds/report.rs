@@ -155,9 +155,8 @@ fn label(kind: ChoiceKind, op: Option<&Op>) -> &'static str {
 
 /// Adds the invocation in which something is drawn.
 fn invocation(error: Error, program: &Program, site: &ChoiceSite) -> Error {
-    let [x, y, z] = site.launch_id;
     let (stage, name) = (program.stage.name(), &program.name);
-    error.note(format!("in {stage} `{name}`, launch id ({x}, {y}, {z})"))
+    error.note(format!("in {stage} `{name}`, {}", program.describe_invocation(site.launch_id)))
 }
 
 /// What is different with a choice.

@@ -203,6 +203,7 @@ fn entry_point(
         launch_limits: options.launch_limits,
         cut_short: None,
         findings: Findings::default(),
+        certain: Vec::new(),
     };
     let mut explored: Vec<(Way, Vec<Try>)> = Vec::new();
     for way in subject.ways() {
@@ -233,7 +234,8 @@ fn entry_point(
         // What the module alone shows depends on no input.
         report.findings = check_module(&subject.program, ShaderIndex(0), &Levels::default());
     }
-    report.findings.extend(progress.findings);
+    let found = progress.findings.with_defaults_of_all(&progress.certain, "on synthetic inputs");
+    report.findings.extend(found);
     report
 }
 

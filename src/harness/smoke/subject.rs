@@ -68,6 +68,8 @@ pub(super) struct Progress {
     pub cut_short: Option<&'static str>,
     /// What the sanitizer found.
     pub findings: Findings,
+    /// Of what it found, by how the entry point is called, what depends on no input.
+    pub certain: Vec<Findings>,
 }
 
 impl Progress {
@@ -162,7 +164,11 @@ impl EntryUnderTest<'_> {
                 self.check_unwatched(way, &one, values, &learned)?;
             }
             if self.options.sanitize {
-                let found = self.sanitized(way, program, &one, values, &mut learned)?;
+                let is_trapped = one.trapped.is_some();
+                let (found, _) = self.sanitized(way, program, (set, values), is_trapped, &mut learned)?;
+                if at == 0 {
+                    progress.certain.push(self.certain(way, found.clone(), values, &mut learned));
+                }
                 progress.findings.extend(found);
             }
             dry = if reached(progress) > before || at < Set::fixed(specialized.len()) { 0 } else { dry + 1 };
@@ -309,18 +315,46 @@ impl EntryUnderTest<'_> {
 }
 
 impl EntryUnderTest<'_> {
-    /// What the sanitizer finds in a run on a set of values that was tried.
+    /// What depends neither on the values of inputs nor on how many invocations there are, of what
+    /// was found on the first set of values: it is found on each set that is tried before new seeds
+    /// follow and on which the shader runs to its end, one invocation or workgroup among them.
+    fn certain(&self, way: Way, found: Findings, values: MadeUpValues, learned: &mut Learned) -> Findings {
+        /// Fewer sets show nothing.
+        const LEAST: usize = 2;
+        if found.is_empty() {
+            return found;
+        }
+        let (mut on_others, mut is_single) = (Vec::new(), false);
+        for at in 1..Set::fixed(0) {
+            let set = Set::nth(at, self.options.seed, 0);
+            let values = MadeUpValues { numbers: set.numbers, ..values };
+            // Values that cannot be made show nothing, either.
+            let on_set = self.sanitized(way, &self.program, (set, values), false, learned);
+            let Ok((on_set, true)) = on_set else {
+                continue;
+            };
+            on_others.push(on_set);
+            is_single |= set.is_single;
+        }
+        if on_others.len() < LEAST || !is_single {
+            return Findings::default();
+        }
+        found.only_in_all(&on_others)
+    }
+
+    /// What the sanitizer finds in a run on a set of values, and whether the run came to its end;
+    /// `is_trapped` says whether it traps without the sanitizer, too.
     fn sanitized(
         &self,
         way: Way,
         program: &Arc<Program>,
-        tried: &Try,
-        values: MadeUpValues,
+        (set, values): (Set, MadeUpValues),
+        is_trapped: bool,
         learned: &mut Learned,
-    ) -> Result<Findings> {
+    ) -> Result<(Findings, bool)> {
         // What ends for want of fuel takes long enough.
         if learned.is_spent {
-            return Ok(Findings::default());
+            return Ok((Findings::default(), false));
         }
         // Results do not matter here, and lanes are compared side by side.
         let program = &unordered(&Arc::new(program.for_sanitizer()?));
@@ -340,21 +374,22 @@ impl EntryUnderTest<'_> {
                 }
                 given => given?,
             };
-            let mut stand_in = StandIn::new(program, tried.set.numbers);
+            let mut stand_in = StandIn::new(program, set.numbers);
             let run = Once {
                 way,
                 program,
                 given: &given,
-                set: tried.set,
-                launch_size: self.launch_size(way, tried.set.is_single),
+                set,
+                launch_size: self.launch_size(way, set.is_single),
                 fuel: self.options.fuel,
                 limits: self.options.launch_limits,
             };
             let mut sanitizer = Sanitizer::new(&plans, &levels);
             let trapped = run.run(&mut stand_in, &mut sanitizer)?;
+            let has_ended = trapped.is_none();
             // Only what the optimizer eliminates traps here and nowhere else: it lacks the same
             // memory.
-            let trapped = trapped.filter(|trap| tried.trapped.is_none() && !trap.code.is_limit());
+            let trapped = trapped.filter(|trap| !is_trapped && !trap.code.is_limit());
             let shader = UsedMemory { module: self.module, variables: &self.variables };
             if let Some(trap) = &trapped
                 && learned.learn(shader, trap, &given, &mut wide, &mut fuel)
@@ -366,7 +401,7 @@ impl EntryUnderTest<'_> {
             if let Some(trap) = trapped {
                 findings.add_stop_at_level(&trap.error, Level::Warn);
             }
-            return Ok(findings.with_note("on made-up inputs"));
+            return Ok((findings, has_ended));
         }
     }
 }

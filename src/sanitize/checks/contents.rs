@@ -12,6 +12,7 @@ use crate::sanitize::checks::atomic::follow;
 use crate::sanitize::checks::lanes::workgroup_lanes;
 use crate::sanitize::rule::memory;
 use crate::sanitize::sanitizer::Sanitizer;
+use crate::sanitize::unwritten::UnwrittenPart;
 
 /// A load into consecutive registers has run.
 pub(in crate::sanitize) fn load<const W: usize>(
@@ -32,7 +33,8 @@ pub(in crate::sanitize) fn load<const W: usize>(
         for scalar in 0..chunk.count {
             let at = offset + u64::from(scalar * width);
             if let Some(part) = sanitizer.unwritten.byte(buffer, at, width) {
-                let cause = sanitizer.unwritten_cause(&memory::UNINIT_BUFFER, place, part);
+                let byte = part.at as u64 - buffer.offset();
+                let cause = unwritten_byte(sanitizer, batch, lane, place, chunk, (part, byte));
                 shadow.undefine(to.plus(scalar), Mask::lane(lane), cause);
             }
         }
@@ -72,7 +74,9 @@ pub(in crate::sanitize) fn atomic<const W: usize>(
                 if written.is_some() {
                     sanitizer.unwritten.write_bytes(buffer, offset, width);
                 }
-                found.map(|part| sanitizer.unwritten_cause(&memory::UNINIT_BUFFER, place, part))
+                let part = found?;
+                let byte = part.at as u64 - buffer.offset();
+                Some(unwritten_byte(sanitizer, batch, lane, place, chunk, (part, byte)))
             });
         }
         AtomicTarget::Texel(texel) if sanitizer.unwritten.has_images() => {
@@ -83,7 +87,7 @@ pub(in crate::sanitize) fn atomic<const W: usize>(
                 if written.is_some() {
                     sanitizer.write_texel(image, index, place);
                 }
-                found.map(|part| sanitizer.unwritten_cause(&memory::UNINIT_IMAGE, place, part))
+                found.map(|part| sanitizer.unwritten_cause(&memory::UNINIT_IMAGE, place, part, || None))
             });
         }
         AtomicTarget::Texel(_) | AtomicTarget::Registers { .. } => {}
@@ -124,10 +128,35 @@ pub(in crate::sanitize) fn image<const W: usize>(
             ImageOp::Query(_) | ImageOp::Footprint(_) | ImageOp::Process(_) => return,
         };
         if let Some(part) = found {
-            let cause = sanitizer.unwritten_cause(&memory::UNINIT_IMAGE, place, part);
+            let cause = sanitizer.unwritten_cause(&memory::UNINIT_IMAGE, place, part, || None);
             shadow.undefine_span(to.to, to.registers(), Mask::lane(lane), cause);
         }
     }
+}
+
+/// The number of the cause that an access of a lane loads a byte that nobody has written: the part
+/// of its buffer, and its offset from where the descriptor begins.
+fn unwritten_byte<const W: usize>(
+    sanitizer: &mut Sanitizer<'_>,
+    batch: &Batch<W>,
+    lane: usize,
+    place: OpPlace,
+    chunk: &Chunk,
+    (part, byte): (UnwrittenPart, u64),
+) -> u32 {
+    let plans = sanitizer.plans;
+    let member = || {
+        let program = &plans.get(place.shader.index())?.program;
+        match chunk.buffer {
+            BufferRef::Handle(handle) => program.describe_buffer_byte(handle, byte),
+            BufferRef::Computed(register) => {
+                program.describe_buffer_byte(batch.registers[register].0[lane], byte)
+            }
+            BufferRef::Address(_) => program.pointee_path(place.op).map(|path| format!("`{path}`")),
+            BufferRef::PushConstants | BufferRef::ShaderRecord | BufferRef::Workgroup => None,
+        }
+    };
+    sanitizer.unwritten_cause(&memory::UNINIT_BUFFER, place, part, member)
 }
 
 /// The lanes whose access is to a buffer that the scene may not have filled.

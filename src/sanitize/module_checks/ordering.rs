@@ -159,7 +159,7 @@ pub(super) fn memory_scope(code: &EntryCode<'_>, faults: &mut Vec<Fault>) {
                 "has memory scope QueueFamily without the Vulkan memory model".into()
             }
             Some(Scope::Device) if has_model && !has(VULKAN_MEMORY_MODEL_DEVICE_SCOPE) => {
-                "has memory scope Device without VulkanMemoryModelDeviceScope".into()
+                "has memory scope Device without the capability VulkanMemoryModelDeviceScope".into()
             }
             Some(
                 Scope::Device

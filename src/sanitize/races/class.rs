@@ -46,9 +46,19 @@ impl Classes {
         Self(self.0 | other.0)
     }
 
+    /// Those of both sets.
+    pub(super) fn and(self, other: Self) -> Self {
+        Self(self.0 & other.0)
+    }
+
     /// Whether a class is one of them.
     pub(super) fn contains(self, class: Class) -> bool {
         self.0 >> class as u8 & 1 == 1
+    }
+
+    /// Whether a class is the only one.
+    pub(super) fn is_alone(self, class: Class) -> bool {
+        self.0 == 1 << class as u8
     }
 
     /// The numbers of its classes.
@@ -74,11 +84,6 @@ impl Reach {
 
     pub(super) fn with(self, other: Self) -> Self {
         Self { near: self.near.with(other.near), wide: self.wide.with(other.wide) }
-    }
-
-    /// What is ordered within workgroups.
-    pub(super) fn near_alone(self) -> Self {
-        Self { wide: Classes::NONE, ..self }
     }
 
     /// What is ordered between invocations of one workgroup, or of different ones.

@@ -9,19 +9,20 @@ use crate::sanitize::races::traits::Aliasing;
 use crate::sanitize::rule::{Rule, race};
 
 /// The rules that two accesses can break, from what is told first to what is told last.
-static RANKED: [&Rule; 12] = [
+static RANKED: [&Rule; 13] = [
     &race::RACE_BUFFER,
+    &race::RACE_WORKGROUP,
     &race::RACE_IMAGE,
     &race::RACE_MIXED_ATOMIC,
     &race::RACE_CALLER_CALLEE,
     &race::RACE_ATOMIC_WIDTH,
     &race::RACE_ATOMIC_SCOPE,
+    &race::RACE_SAME_VALUE,
     &race::RACE_CROSS_REFERENCE,
     &race::RESTRICT_BROKEN,
     &race::ALIAS_DEFAULT,
     &race::ORDER_ASSUMED,
     &race::COHERENT_MISSING,
-    &race::RACE_SAME_VALUE,
 ];
 
 /// Of the races of one access the one of the least rank is told.
@@ -42,12 +43,18 @@ impl Order {
         if kind == AccessKind::Load && cell.loads[0] == access {
             return None;
         }
-        let plain = if now.class == Class::Image { &race::RACE_IMAGE } else { &race::RACE_BUFFER };
+        let plain = match now.class {
+            Class::Buffer => &race::RACE_BUFFER,
+            Class::Workgroup => &race::RACE_WORKGROUP,
+            Class::Image => &race::RACE_IMAGE,
+        };
         let of_store = match kind {
             AccessKind::Load => plain,
             AccessKind::Store if cell.value == value => &race::RACE_SAME_VALUE,
             AccessKind::Store => plain,
-            AccessKind::AtomicLoad | AccessKind::AtomicUpdate => &race::RACE_MIXED_ATOMIC,
+            AccessKind::AtomicLoad | AccessKind::AtomicStore | AccessKind::AtomicUpdate => {
+                &race::RACE_MIXED_ATOMIC
+            }
         };
         let of_load = if kind.is_atomic() { &race::RACE_MIXED_ATOMIC } else { plain };
         let earlier = [
@@ -57,7 +64,7 @@ impl Order {
             (cell.atomic, &race::RACE_MIXED_ATOMIC),
         ];
         let found = earlier.into_iter().filter_map(|(earlier, unordered)| {
-            let rule = self.broken(earlier.known()?, now, unordered)?;
+            let rule = self.broken(cell, earlier.known()?, now, unordered)?;
             Some((rule, earlier))
         });
         let found = found.min_by_key(|&(rule, _)| rank(rule));
@@ -83,7 +90,7 @@ impl Order {
             }
             // Loads stay, so that `x = x + 1` in all lanes is no store of the same value.
             AccessKind::Store => (cell.store, cell.value) = (access, value),
-            AccessKind::AtomicLoad | AccessKind::AtomicUpdate => {
+            AccessKind::AtomicLoad | AccessKind::AtomicStore | AccessKind::AtomicUpdate => {
                 let updated = |cell: &Cell| self.event(cell.atomic).form.kind.writes();
                 if now.form.kind.writes() || cell.atomic.event == 0 || !updated(cell) {
                     cell.atomic = access;
@@ -95,7 +102,13 @@ impl Order {
     /// The rule that an earlier access and one now break together: `unordered` where nothing orders
     /// accesses of different invocations, or none.
     #[inline]
-    fn broken(&self, earlier: Access, now: &Accessor, unordered: &'static Rule) -> Option<&'static Rule> {
+    fn broken(
+        &self,
+        cell: &Cell,
+        earlier: Access,
+        now: &Accessor,
+        unordered: &'static Rule,
+    ) -> Option<&'static Rule> {
         let event = self.event(earlier);
         if !(event.form.kind.writes() || now.form.kind.writes()) {
             return None;
@@ -112,7 +125,7 @@ impl Order {
             Ordered::Not => Some(atomic.unwrap_or(unordered)),
             Ordered::NotInCall => Some(atomic.unwrap_or(&race::RACE_CALLER_CALLEE)),
             Ordered::ByProgram | Ordered::BySynchronization => {
-                let found = self.ordered_broken(ordered, earlier, event, now)?;
+                let found = self.ordered_broken(ordered, cell, earlier, now)?;
                 Some(atomic.filter(|_| found == &race::ORDER_ASSUMED).unwrap_or(found))
             }
         }
@@ -138,10 +151,11 @@ impl Order {
     fn ordered_broken(
         &self,
         ordered: Ordered,
+        cell: &Cell,
         earlier: Access,
-        event: &Event,
         now: &Accessor,
     ) -> Option<&'static Rule> {
+        let event = self.event(earlier);
         if event.form.reference != now.form.reference {
             if let Some(rule) = self.aliasing_broken(event, now) {
                 return Some(rule);
@@ -157,6 +171,19 @@ impl Order {
         if then.is_private || own.is_private {
             return Some(&race::COHERENT_MISSING);
         }
+        if earlier.invocation != now.invocation && self.sync.is_exact {
+            let is_seen = || {
+                // An atomic instruction makes available what its invocation has written before it.
+                let atomic = cell.atomic.known().filter(|atomic| {
+                    let by_atomic = self.event(*atomic);
+                    atomic.invocation == earlier.invocation
+                        && by_atomic.form.reference == event.form.reference
+                        && by_atomic.clock >= event.clock
+                });
+                self.is_seen(earlier, now) || atomic.is_some_and(|atomic| self.is_seen(atomic, now))
+            };
+            return (event.form.kind.writes() && !is_seen()).then_some(&race::ORDER_ASSUMED);
+        }
         let is_wide = self.group(earlier.invocation) != now.group;
         let is_in_scope = |scope| self.is_in_scope(scope, earlier.invocation, now.invocation);
         let by_barriers = |reach: Reach| reach.across(is_wide).contains(now.class);
@@ -164,7 +191,7 @@ impl Order {
             then.propagates && is_in_scope(then.scope) || by_barriers(self.barriers(event.place).available);
         let visible =
             own.propagates && is_in_scope(own.scope) || by_barriers(self.barriers(now.place).visible);
-        let is_seen = available && (visible || now.form.kind == AccessKind::Store);
+        let is_seen = available && (visible || now.form.kind.writes());
         (event.form.kind.writes() && !is_seen).then_some(&race::ORDER_ASSUMED)
     }
 
@@ -193,7 +220,10 @@ impl Order {
 mod tests {
     use super::*;
     use crate::machine::{OpIndex, ShaderIndex};
-    use crate::sanitize::races::ordering::Ordering;
+    use crate::sanitize::memory_shadow::MemoryKey;
+    use crate::sanitize::races::level::Level;
+    use crate::sanitize::races::ordering::Semantics;
+    use crate::sanitize::races::synchronization::AtomicAccess;
 
     /// An order of workgroups of four invocations.
     fn order() -> Order {
@@ -225,6 +255,7 @@ mod tests {
             invocation,
             group: order.group(invocation),
             epoch,
+            barriers: 0,
             call: 0,
             class: Class::Buffer,
             place: OpPlace { shader: ShaderIndex(0), op: OpIndex(op) },
@@ -298,13 +329,26 @@ mod tests {
     }
 
     #[test]
-    fn atomic_instructions_that_both_workgroups_executed_may_order_them() {
+    fn an_atomic_instruction_that_reads_what_another_has_released_orders_the_two() {
         let (order, cell) = (&mut order(), &mut Cell::default());
         assert_eq!(access(order, cell, (0, 0), 1, Store, 0), None);
-        let ordering = Ordering::of(None, None);
-        order.synchronize([0].into_iter(), ordering, None);
+        let atomic = |order: &mut Order, invocation: u32| {
+            let access = AtomicAccess {
+                location: (MemoryKey::Buffer(1), 0),
+                class: Class::Buffer,
+                reference: 1,
+                width: 32,
+                level: Level::Wide,
+                semantics: Semantics::of(None, Level::Wide),
+            };
+            order.before_atomic(invocation, Some(&access), AtomicUpdate);
+            order.after_atomic(invocation, Some(&access), AtomicUpdate);
+            order.sync.clock += 1;
+        };
+        atomic(order, 0);
         assert_eq!(access(order, cell, (4, 0), 2, Load, 0), Some(("race-buffer", 0)));
-        order.synchronize([4].into_iter(), ordering, None);
+        atomic(order, 4);
+        // Without the Vulkan memory model, what one invocation of a workgroup acquires all do.
         assert_eq!(access(order, cell, (5, 0), 2, Load, 0), None);
     }
 }

@@ -8,6 +8,7 @@ use std::sync::Arc;
 
 use rspirv::spirv::{MemoryAccess, MemorySemantics as Semantics, Op, Scope};
 
+use crate::machine::invocation::DEFAULT_SUBGROUP_SIZE;
 use crate::machine::{Buffer, Descriptor, Resources};
 use crate::module::assemble::Assembler;
 use crate::pipeline::Compute;
@@ -25,7 +26,7 @@ pub(super) const Y: u32 = 1;
 pub(super) const Z: u32 = 2;
 
 /// How a plain access takes part in communication.
-#[derive(Clone, Copy, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Privacy {
     /// In none.
     Private,
@@ -46,7 +47,7 @@ pub(super) const AVAILABLE: Semantics = Semantics::MAKE_AVAILABLE;
 pub(super) const VISIBLE: Semantics = Semantics::MAKE_VISIBLE;
 
 /// What an invocation does.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 pub(super) enum Step {
     Load(u32, Privacy),
     Store(u32, Privacy),
@@ -212,11 +213,6 @@ impl Writer {
     }
 }
 
-/// The constants of a test: indices, scopes and semantics.
-fn constants(litmus: &Litmus) -> Vec<u32> {
-    constants_of(litmus.groups.iter().copied().flatten().copied().flatten())
-}
-
 /// The constants of some steps, and the numbers of invocations.
 pub(super) fn constants_of<'a>(steps: impl Iterator<Item = &'a Step>) -> Vec<u32> {
     let mut all: Vec<u32> = (0..64).collect();
@@ -238,8 +234,13 @@ pub(super) fn constants_of<'a>(steps: impl Iterator<Item = &'a Step>) -> Vec<u32
 
 /// The rules about races that a test breaks.
 fn broken(litmus: &Litmus, memory: Memory) -> Vec<&'static str> {
+    broken_by(litmus.groups, memory, DEFAULT_SUBGROUP_SIZE)
+}
+
+/// The rules about races that invocations break, by workgroup.
+pub(super) fn broken_by(groups: &[&[&[Step]]], memory: Memory, subgroup_size: u32) -> Vec<&'static str> {
     const GLOBAL_INVOCATION_ID: u32 = 28;
-    let size = litmus.groups.iter().map(|group| group.len()).max().unwrap_or(1) as u32;
+    let size = groups.iter().map(|group| group.len()).max().unwrap_or(1) as u32;
     let mut a = Assembler::bare(4000);
     a.op(Op::Capability, &[1]);
     if memory == Memory::Buffer {
@@ -258,7 +259,7 @@ fn broken(litmus: &Litmus, memory: Memory) -> Vec<&'static str> {
     }
     a.types();
     let mut writer = Writer { a, next: 100, memory, constants: Vec::new(), own: 50 };
-    for value in constants(litmus) {
+    for value in constants_of(groups.iter().copied().flatten().copied().flatten()) {
         let id = writer.id();
         writer.a.op(Op::Constant, &[5, id, value]);
         writer.constants.push((value, id));
@@ -293,12 +294,12 @@ fn broken(litmus: &Litmus, memory: Memory) -> Vec<&'static str> {
     // The parts of the invocations between the barriers.
     let mut parts: Vec<(u32, std::slice::Split<'_, Step, _>)> = Vec::new();
     let is_barrier = |step: &Step| matches!(step, Barrier(_) | SubgroupBarrier(_));
-    for (group, invocations) in (0..).zip(litmus.groups) {
+    for (group, invocations) in (0..).zip(groups) {
         for (at, steps) in (0..).zip(*invocations) {
             parts.push((group * size + at, steps.split(is_barrier)));
         }
     }
-    let all = litmus.groups.iter().copied().flatten();
+    let all = groups.iter().copied().flatten();
     let waits = all.max_by_key(|steps| steps.iter().filter(|step| is_barrier(step)).count());
     let mut barriers = waits.copied().unwrap_or_default().iter().filter(|step| is_barrier(step));
     loop {
@@ -317,10 +318,10 @@ fn broken(litmus: &Litmus, memory: Memory) -> Vec<&'static str> {
     }
     writer.a.op(Op::Return, &[]);
     writer.a.op(Op::FunctionEnd, &[]);
-    run(&writer.a, litmus.groups.len() as u32)
+    run(&writer.a, groups.len() as u32, subgroup_size)
 }
 
-fn run(module: &Assembler, groups: u32) -> Vec<&'static str> {
+fn run(module: &Assembler, groups: u32, subgroup_size: u32) -> Vec<&'static str> {
     let module = Arc::new(module.loaded());
     let program = Arc::new(lower(&module, &module.entry_points[0]).unwrap().unoptimized().unwrap());
     let plans = [ProgramPlan::new(&program)];
@@ -330,7 +331,7 @@ fn run(module: &Assembler, groups: u32) -> Vec<&'static str> {
         resources.bind(0, binding, Descriptor::Buffer(Buffer::zeroed(256)))
     });
     let mut sanitizer = Sanitizer::new(&plans, &levels).with_resources(&resources);
-    let compute = Compute::new(program.clone()).unwrap();
+    let compute = Compute::new(program.clone()).unwrap().subgroup_size(subgroup_size).unwrap();
     compute.run_observed(&resources, [groups, 1, 1], &mut |_| (), &mut sanitizer).unwrap();
     races(sanitizer)
 }

@@ -1,17 +1,21 @@
 //! What orders accesses to memory.
 
 use rspirv::spirv::Scope;
-use rustc_hash::FxHashMap;
+use rustc_hash::{FxHashMap, FxHashSet};
 
 use crate::machine::{OpIndex, ShaderIndex};
+use crate::module::Module;
 use crate::module::interface::Stage;
 use crate::program::Program;
 use crate::sanitize::cause::OpPlace;
 use crate::sanitize::memory_shadow::Access;
+use crate::sanitize::plan::InstructionWords;
 use crate::sanitize::races::calls::{Calls, Kinship};
 use crate::sanitize::races::class::{Class, Classes};
-use crate::sanitize::races::fences::{Fences, Times};
-use crate::sanitize::races::ordering::Ordering;
+use crate::sanitize::races::knowledge::Write;
+use crate::sanitize::races::level::{Level, Topology};
+use crate::sanitize::races::ordering::{Ordering, Semantics};
+use crate::sanitize::races::synchronization::{AtomicAccess, Location, Synchronization};
 use crate::sanitize::races::traits::{AccessTraits, Barriers, ProgramTraits};
 
 /// What an access does.
@@ -20,16 +24,22 @@ pub(in crate::sanitize) enum AccessKind {
     Load,
     Store,
     AtomicLoad,
+    AtomicStore,
+    /// A read-modify-write.
     AtomicUpdate,
 }
 
 impl AccessKind {
     pub(super) fn writes(self) -> bool {
-        matches!(self, Self::Store | Self::AtomicUpdate)
+        matches!(self, Self::Store | Self::AtomicStore | Self::AtomicUpdate)
+    }
+
+    pub(super) fn reads(self) -> bool {
+        matches!(self, Self::Load | Self::AtomicLoad | Self::AtomicUpdate)
     }
 
     pub(super) fn is_atomic(self) -> bool {
-        matches!(self, Self::AtomicLoad | Self::AtomicUpdate)
+        matches!(self, Self::AtomicLoad | Self::AtomicStore | Self::AtomicUpdate)
     }
 
     /// What it does, said of an invocation.
@@ -38,6 +48,7 @@ impl AccessKind {
             Self::Load => "reads",
             Self::Store => "writes",
             Self::AtomicLoad => "reads atomically",
+            Self::AtomicStore => "writes atomically",
             Self::AtomicUpdate => "changes atomically",
         }
     }
@@ -80,8 +91,8 @@ pub(super) struct Event {
     pub call: u32,
     /// Barriers of the workgroup before it that order its class of memory.
     epoch: u32,
-    /// Atomic instructions and fences of the launch before it.
-    clock: u32,
+    /// Atomic instructions, fences and barriers of the launch before it.
+    pub clock: u32,
 }
 
 impl Event {
@@ -101,6 +112,8 @@ pub(super) struct Accessor {
     pub invocation: u32,
     pub group: u32,
     pub epoch: u32,
+    /// Control barriers of the workgroup that it has passed.
+    pub barriers: usize,
     pub call: u32,
     pub class: Class,
     pub place: OpPlace,
@@ -112,8 +125,19 @@ pub(super) struct Accessor {
 pub(super) struct LaneOrder {
     pub invocation: u32,
     pub group: u32,
-    /// By class: the barriers that it has passed.
+    pub passed: PassedBarriers,
+}
+
+/// The control barriers of its workgroup that an invocation has passed.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct PassedBarriers {
+    /// By class: those that order it.
     pub epochs: [u32; 3],
+    /// All of them.
+    pub all: usize,
+    /// What the last one releases to others by the atomic instructions behind it, until the
+    /// invocation goes on.
+    released: Option<Semantics>,
 }
 
 /// What orders an access before a later one.
@@ -139,28 +163,20 @@ pub(super) struct Order {
     traits: Vec<ProgramTraits>,
     /// The shader calls so far.
     pub calls: Calls,
-    /// Whether there are workgroups.
-    is_compute: bool,
-    /// Invocations of a workgroup; 1 in ray tracing.
-    group_size: u32,
-    /// Invocations of a subgroup of a workgroup.
-    subgroup_size: u32,
+    /// Which fence and atomic instruction synchronizes with which.
+    pub sync: Synchronization,
+    /// Whether anything orders accesses but the control barriers of workgroups.
+    synchronizes: bool,
     /// The invocations that control barriers of scope Subgroup order.
     ordered_subgroup: OrderedSubgroup,
     /// What the memory barriers of all modules order.
     fences: Ordering,
     /// The number of the first invocation of the workgroups that run.
     first: u32,
-    /// By invocation from the first one on, and class: the barriers that it has passed.
-    epochs: Vec<[u32; 3]>,
-    /// Atomic instructions and fences so far that may release or acquire.
-    clock: u32,
-    /// The fences and atomic instructions of each invocation.
-    passed: Fences,
-    /// By workgroup: until when what was accessed is released through an atomic instruction, and
-    /// what was released when is acquired.
-    released: FxHashMap<u32, Times>,
-    acquired: FxHashMap<u32, Times>,
+    /// By invocation from the first one on.
+    passed: Vec<PassedBarriers>,
+    /// Accesses that loads have seen, with the invocation that has made them visible to itself.
+    seen: FxHashSet<(Access, u32)>,
 }
 
 /// The invocations among which all accesses count as ordered.
@@ -189,89 +205,161 @@ impl Order {
         let all = traits.iter().fold(Barriers::default(), |all, one| all.with(one.barriers));
         // Where ray generation shaders alone access memory, no calls are told apart.
         let calls = if shares_in_calls { Calls::followed() } else { Calls::default() };
+        let is_exact = !traits.is_empty() && traits.iter().all(|traits| traits.has_model);
+        let topology = Topology {
+            is_compute: layout.is_some(),
+            group_size: layout.map_or(1, |layout| layout.size.iter().product()),
+            subgroup_size: 1,
+        };
         Self {
             events: vec![Event::NONE],
             numbers: FxHashMap::default(),
             calls,
-            is_compute: layout.is_some(),
-            group_size: layout.map_or(1, |layout| layout.size.iter().product()),
-            subgroup_size: 1,
+            sync: Synchronization::new(topology, is_exact),
+            synchronizes: all.all != Ordering::default() && (is_exact || all.atomics),
             ordered_subgroup: match (all.subgroup, layout) {
                 (false, _) => OrderedSubgroup::None,
+                (true, Some(_)) if is_exact => OrderedSubgroup::None,
                 (true, Some(_)) => OrderedSubgroup::Subgroup,
                 (true, None) => OrderedSubgroup::Launch,
             },
             fences: all.fences,
             traits,
             first: 0,
-            epochs: Vec::new(),
-            clock: 0,
-            passed: Fences::default(),
-            released: FxHashMap::default(),
-            acquired: FxHashMap::default(),
+            passed: Vec::new(),
+            seen: FxHashSet::default(),
         }
     }
 
     /// Other workgroups run, from one on.
     pub(super) fn begin_workgroups(&mut self, first: u32, subgroup_size: u32) {
-        self.first = first.wrapping_mul(self.group_size);
-        self.epochs.clear();
-        self.subgroup_size = subgroup_size.max(1);
+        self.first = first.wrapping_mul(self.sync.topology.group_size);
+        self.passed.clear();
+        self.seen.clear();
+        self.sync.topology.subgroup_size = subgroup_size.max(1);
+        self.sync.end_invocations();
     }
 
-    /// An invocation waits at a control barrier that orders some classes of memory by itself.
-    pub(super) fn barrier(&mut self, invocation: u32, classes: Classes) {
-        let at = invocation.wrapping_sub(self.first) as usize;
-        if at >= self.epochs.len() {
-            self.epochs.resize(at + 1, [0; 3]);
+    /// The invocations of a launch that ran before have ended.
+    pub(super) fn end_invocations(&mut self) {
+        self.seen.clear();
+        self.sync.end_invocations();
+    }
+
+    /// What an instruction orders beyond its invocation; nothing where none does.
+    pub(super) fn semantics(
+        &self,
+        module: &Module,
+        instruction: InstructionWords<'_>,
+        is_equal: bool,
+    ) -> Option<Semantics> {
+        let semantics = Semantics::of_instruction(module, instruction, self.sync.topology, is_equal);
+        semantics.filter(|_| self.synchronizes)
+    }
+
+    /// What a control barrier of a workgroup orders.
+    pub(super) fn barrier_semantics(&self, module: &Module, instruction: InstructionWords<'_>) -> Semantics {
+        let semantics = Semantics::of_instruction(module, instruction, self.sync.topology, true);
+        // Barriers that are no such instruction order all.
+        semantics.unwrap_or(Semantics::of(None, Level::Wide))
+    }
+
+    /// Invocations wait at a control barrier of their workgroup.
+    pub(super) fn barrier(&mut self, invocations: impl Iterator<Item = u32>, semantics: Semantics) {
+        let classes = match self.sync.is_exact {
+            true if semantics.joins_all() => semantics.classes,
+            true => Classes::NONE,
+            // GLSL's `memoryBarrierBuffer(); barrier();`: what the fences of the module name counts
+            // as named by its control barriers, wherever the fences stand.
+            false => {
+                let fences = self.fences.releases.with(self.fences.acquires).across(false);
+                semantics.classes.with(fences)
+            }
+        };
+        for invocation in invocations {
+            let at = invocation.wrapping_sub(self.first) as usize;
+            if at >= self.passed.len() {
+                self.passed.resize(at + 1, PassedBarriers::default());
+            }
+            self.sync.arrive(invocation, self.passed[at].all, semantics);
+            let passed = &mut self.passed[at];
+            passed.all += 1;
+            classes.each().for_each(|class| passed.epochs[class] += 1);
+            if !self.synchronizes {
+                continue;
+            }
+            // It is a memory barrier, too. What it releases is known once all have come to it.
+            let is_shared_alone = !self.sync.is_exact && semantics.classes.is_alone(Class::Workgroup);
+            passed.released = Some(semantics).filter(|one| one.releases && !is_shared_alone);
+            if semantics.acquires {
+                self.sync.fence(invocation, passed.all, Semantics { releases: false, ..semantics });
+            }
         }
-        let fences = self.fences.releases.with(self.fences.acquires).across(false);
-        classes.with(fences).each().for_each(|class| self.epochs[at][class] += 1);
+        self.sync.clock += 1;
     }
 
-    /// Invocations have executed an atomic instruction that releases and acquires by itself what
-    /// `own` says.
-    pub(super) fn synchronize(
+    /// An invocation goes on behind the control barriers that it has passed.
+    fn go_on(&mut self, invocation: u32) -> PassedBarriers {
+        let at = invocation.wrapping_sub(self.first) as usize;
+        let Some(passed) = self.passed.get_mut(at) else { return PassedBarriers::default() };
+        let released = passed.released.take();
+        let passed = *passed;
+        if self.sync.is_exact && passed.all > 0 {
+            self.sync.settle(invocation, passed.all);
+        }
+        if let Some(semantics) = released {
+            self.sync.fence(invocation, passed.all, Semantics { acquires: false, ..semantics });
+        }
+        passed
+    }
+
+    /// Invocations have executed a memory barrier, or with their subgroup a control barrier.
+    pub(super) fn fence(
         &mut self,
         invocations: impl Iterator<Item = u32>,
-        own: Ordering,
-        scope: Option<Scope>,
+        semantics: Semantics,
+        of_subgroup: bool,
     ) {
-        self.clock += 1;
-        let Ordering { releases, acquires } = own.within(scope);
-        let [mut released, mut acquired] = [Times::default(); 2];
-        released.set(releases, self.clock);
-        acquired.set(acquires, self.clock);
-        for invocation in invocations {
-            let group = self.group(invocation);
-            let fenced = self.passed.atomic(invocation, scope, self.clock);
-            let of_group = self.released.entry(group).or_default();
-            *of_group = of_group.later(released).later(fenced);
-            let of_group = self.acquired.entry(group).or_default();
-            *of_group = of_group.later(acquired);
+        let invocations: Vec<(u32, usize)> =
+            invocations.map(|invocation| (invocation, self.go_on(invocation).all)).collect();
+        if of_subgroup {
+            self.sync.join_subgroups(&invocations, semantics);
+        }
+        if !semantics.is_relaxed() {
+            for (invocation, barriers) in invocations {
+                self.sync.fence(invocation, barriers, semantics);
+            }
+        }
+        self.sync.clock += 1;
+    }
+
+    /// An invocation executes an atomic instruction, before it counts as an access.
+    pub(super) fn before_atomic(&mut self, invocation: u32, access: Option<&AtomicAccess>, kind: AccessKind) {
+        if let Some(access) = access.filter(|_| kind.reads()) {
+            let barriers = self.go_on(invocation).all;
+            self.sync.read(invocation, barriers, access);
         }
     }
 
-    /// Invocations have executed a barrier, which orders through the atomic instructions before and
-    /// behind it.
-    pub(super) fn fence(&mut self, invocations: impl Iterator<Item = u32>, fence: Ordering) {
-        if fence == Ordering::default() {
-            return;
+    /// An invocation has executed an atomic instruction, which counts as an access.
+    pub(super) fn after_atomic(&mut self, invocation: u32, access: Option<&AtomicAccess>, kind: AccessKind) {
+        if let Some(access) = access.filter(|_| kind.writes()) {
+            let barriers = self.go_on(invocation).all;
+            self.sync.write(invocation, barriers, access, kind.reads());
         }
-        self.clock += 1;
-        for invocation in invocations {
-            let group = self.group(invocation);
-            let acquired = self.passed.fence(invocation, fence, self.clock);
-            let of_group = self.acquired.entry(group).or_default();
-            *of_group = of_group.later(acquired);
-        }
+    }
+
+    /// An invocation has written to a location without an atomic instruction.
+    #[inline]
+    pub(super) fn overwrite(&mut self, location: Location) {
+        self.sync.overwrite(location);
     }
 
     /// The event of an access that an invocation makes now.
     #[inline]
     pub(super) fn new_event(&self, now: &Accessor) -> Event {
         let &Accessor { place, form, call, epoch, .. } = now;
-        Event { place, form, call, epoch, clock: self.clock }
+        Event { place, form, call, epoch, clock: self.sync.clock }
     }
 
     /// The event of an access.
@@ -303,30 +391,56 @@ impl Order {
     /// The workgroup of an invocation; in ray tracing itself.
     #[inline]
     pub(super) fn group(&self, invocation: u32) -> u32 {
-        if self.group_size == 1 { invocation } else { invocation / self.group_size }
+        self.sync.topology.group(invocation)
     }
 
-    /// An invocation, and the barriers that it has passed.
-    pub(super) fn lane(&self, invocation: u32) -> LaneOrder {
-        let at = invocation.wrapping_sub(self.first) as usize;
-        let epochs = self.epochs.get(at).copied().unwrap_or_default();
-        LaneOrder { invocation, group: self.group(invocation), epochs }
+    /// An invocation goes on: it, and the barriers that it has passed.
+    pub(super) fn lane(&mut self, invocation: u32) -> LaneOrder {
+        let passed = self.go_on(invocation);
+        LaneOrder { invocation, group: self.group(invocation), passed }
     }
 
     /// Whether an invocation is in the instance of a scope that another one names.
     pub(super) fn is_in_scope(&self, scope: Option<Scope>, one: u32, other: u32) -> bool {
-        match scope {
-            _ if one == other => true,
-            Some(Scope::Invocation | Scope::ShaderCallKHR) => false,
-            Some(Scope::Workgroup) => !self.is_compute || self.group(one) == self.group(other),
-            Some(Scope::Subgroup) => !self.is_compute || self.is_same_subgroup(one, other),
-            _ => true,
-        }
+        let topology = self.sync.topology;
+        topology.common(one, other) <= topology.level(scope)
     }
 
-    fn is_same_subgroup(&self, one: u32, other: u32) -> bool {
-        let subgroup = |invocation: u32| invocation % self.group_size / self.subgroup_size;
-        self.group(one) == self.group(other) && subgroup(one) == subgroup(other)
+    /// The write of an earlier access.
+    fn write(&self, access: Access, event: &Event, class: Class) -> Write {
+        let traits = self.traits(event.place);
+        let own = if traits.propagates { self.sync.topology.level(traits.scope) } else { Level::Own };
+        Write { invocation: access.invocation, class: class as usize, clock: event.clock, own }
+    }
+
+    /// Whether what an earlier access of another invocation has written, which happens before, is
+    /// available to one now and, where that reads, visible to it.
+    pub(super) fn is_seen(&self, earlier: Access, now: &Accessor) -> bool {
+        let event = self.event(earlier);
+        // What reads, too, is ordered by happening before.
+        if event.form.kind.reads() {
+            return true;
+        }
+        let &Accessor { invocation, barriers, .. } = now;
+        let write = self.write(earlier, event, now.class);
+        if !self.sync.is_available(invocation, barriers, &write) {
+            return false;
+        }
+        let traits = self.traits(now.place);
+        let own = if traits.propagates { self.sync.topology.level(traits.scope) } else { Level::Own };
+        now.form.kind.writes()
+            || self.sync.is_visible(invocation, barriers, &write, own)
+            || self.seen.contains(&(earlier, invocation))
+    }
+
+    /// Whether what an access reads from others stays visible for later ones that say nothing.
+    pub(super) fn keeps_seen(&self, now: &Accessor) -> bool {
+        self.sync.is_exact && now.form.kind.reads() && self.traits(now.place).propagates
+    }
+
+    /// An access has seen an earlier one of another invocation.
+    pub(super) fn note_seen(&mut self, earlier: Access, now: &Accessor) {
+        self.seen.insert((earlier, now.invocation));
     }
 
     /// What orders an earlier access before one of an invocation now.
@@ -340,19 +454,20 @@ impl Order {
         let group = if now.class == Class::Workgroup { now.group } else { self.group(access.invocation) };
         let in_ordered_subgroup = match self.ordered_subgroup {
             OrderedSubgroup::None => false,
-            OrderedSubgroup::Subgroup => self.is_same_subgroup(access.invocation, now.invocation),
+            OrderedSubgroup::Subgroup => {
+                self.sync.topology.common(access.invocation, now.invocation) <= Level::Subgroup
+            }
             OrderedSubgroup::Launch => true,
         };
         if in_ordered_subgroup || (group == now.group && event.epoch < now.epoch) {
             return Ordered::BySynchronization;
         }
-        let is_wide = group != now.group;
-        let last = |times: &FxHashMap<u32, Times>, group: u32| {
-            times.get(&group).map_or(0, |times| times.of(now.class as usize, is_wide))
-        };
-        let may_be_ordered =
-            last(&self.released, group) > event.clock && last(&self.acquired, now.group) > event.clock;
-        if may_be_ordered { Ordered::BySynchronization } else { Ordered::Not }
+        if !self.synchronizes {
+            return Ordered::Not;
+        }
+        let view = self.sync.view(now.invocation, now.barriers);
+        let times = view.times(self.sync.topology, access.invocation, now.class as usize);
+        if times.before > event.clock { Ordered::BySynchronization } else { Ordered::Not }
     }
 
     /// What orders accesses of two shaders of one ray-tracing call: a release of the earlier
@@ -364,10 +479,13 @@ impl Order {
                 && self.barriers(now.place).all.acquires.across(true).contains(now.class);
         if is_ordered { Ordered::BySynchronization } else { Ordered::NotInCall }
     }
+
     /// The order of workgroups of some invocations, of whose accesses all are coherent.
     #[cfg(test)]
     pub(super) fn of_groups(group_size: u32) -> Self {
         let traits = vec![ProgramTraits::coherent(8)];
-        Self { is_compute: true, group_size, traits, ..Self::of([].into_iter(), &[]) }
+        let topology = Topology { is_compute: true, group_size, subgroup_size: 1 };
+        let sync = Synchronization::new(topology, false);
+        Self { sync, traits, synchronizes: true, ..Self::of([].into_iter(), &[]) }
     }
 }

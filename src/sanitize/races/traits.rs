@@ -47,6 +47,8 @@ pub(super) struct ProgramTraits {
     by_op: Vec<AccessTraits>,
     /// What its barriers and atomic instructions order.
     pub barriers: Barriers,
+    /// Whether its module declares the Vulkan memory model.
+    pub has_model: bool,
 }
 
 impl ProgramTraits {
@@ -54,23 +56,23 @@ impl ProgramTraits {
     pub(super) fn of(program: &Program, is_asked: &[bool]) -> Self {
         let module = &program.module;
         let entry = program.entry_point();
-        let barriers = Barriers::of(module);
+        let (barriers, has_model) = (Barriers::of(module), module.has_vulkan_memory_model());
         let Some(entry) = entry.filter(|_| is_asked.contains(&true)) else {
-            return Self { by_op: vec![AccessTraits::default(); is_asked.len()], barriers };
+            return Self { by_op: vec![AccessTraits::default(); is_asked.len()], barriers, has_model };
         };
         let by_offset = traits_by_offset(module, entry);
         let of = |(at, &is_asked): (usize, &bool)| {
             let origin = program.origins.get(at).filter(|_| is_asked);
             origin.and_then(|origin| by_offset.get(&origin.offset)).copied().unwrap_or_default()
         };
-        Self { by_op: is_asked.iter().enumerate().map(of).collect(), barriers }
+        Self { by_op: is_asked.iter().enumerate().map(of).collect(), barriers, has_model }
     }
 
     /// Those of some operations that are all coherent.
     #[cfg(test)]
     pub(super) fn coherent(operations: usize) -> Self {
         let traits = AccessTraits { propagates: true, ..AccessTraits::default() };
-        Self { by_op: vec![traits; operations], barriers: Barriers::default() }
+        Self { by_op: vec![traits; operations], barriers: Barriers::default(), has_model: false }
     }
 
     /// Those of an operation.
@@ -178,6 +180,8 @@ pub(super) struct Barriers {
     pub all: Ordering,
     /// Whether a control barrier may be of scope Subgroup.
     pub subgroup: bool,
+    /// Whether there are atomic instructions.
+    pub atomics: bool,
     /// What is made available to others.
     pub available: Reach,
     /// What is made visible from others.
@@ -200,6 +204,7 @@ impl Barriers {
                     all.subgroup |= scope.is_none_or(|scope| scope == Scope::Subgroup);
                 }
                 Some(opcode) if atomic::OPCODES.contains(&opcode) => {
+                    all.atomics = true;
                     all.add(module, operands, 1);
                 }
                 _ => {}
@@ -232,6 +237,7 @@ impl Barriers {
             fences: self.fences.with(other.fences),
             all: self.all.with(other.all),
             subgroup: self.subgroup || other.subgroup,
+            atomics: self.atomics || other.atomics,
             available: self.available.with(other.available),
             visible: self.visible.with(other.visible),
         }

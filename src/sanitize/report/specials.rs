@@ -3,7 +3,7 @@
 
 use crate::machine::{Mask, OpIndex, Reg, ShadowRegisters};
 use crate::sanitize::cause::{Cause, OpPlace};
-use crate::sanitize::report::{Reporter, Told, offset};
+use crate::sanitize::report::{Reporter, Told, line_or_offset, offset};
 use crate::sanitize::rule::{Rule, arithmetic, image, trace};
 use crate::sanitize::value_path::names_on_path;
 
@@ -26,6 +26,8 @@ pub(in crate::sanitize) enum SpecialSink {
     Ray(&'static str),
     /// An operand of an image instruction, by its name.
     Sample(&'static str),
+    /// The payload of a ray from the host.
+    Payload,
 }
 
 impl<const W: usize> Reporter<'_, W> {
@@ -41,6 +43,19 @@ impl<const W: usize> Reporter<'_, W> {
     ) {
         let told = |reporter: &Self, cause| reporter.tell_special(cause, op, sink);
         self.add_for_causes(shadow, register, op, lanes, told);
+    }
+
+    /// Reports a NaN or an infinity that has a cause.
+    pub(in crate::sanitize) fn special_for(
+        &mut self,
+        cause: u32,
+        op: OpIndex,
+        lanes: Mask<W>,
+        sink: SpecialSink,
+    ) {
+        if let Some(told) = self.tell_special(cause, op, sink) {
+            self.add(told, op, lanes);
+        }
     }
 
     fn tell_special(&self, number: u32, op: OpIndex, sink: SpecialSink) -> Option<Told> {
@@ -67,15 +82,11 @@ impl<const W: usize> Reporter<'_, W> {
         }
         notes.push(format!("it {arrives}{}", self.line(here)));
         Some(Told {
-            is_uncertain: false,
-            rule,
-            message: format!("{what}, made by {made}, {arrives}"),
-            place,
             label: format!("{made} makes {what}"),
             notes,
-            cause: (here.shader, offset(self.program(here.shader)?, op)),
-            word: None,
-            key: None,
+            cause: (here.shader, line_or_offset(self.program(here.shader)?, op)),
+            by_line: true,
+            ..Told::at(rule, place, format!("{what}, made by {made}, {arrives}"))
         })
     }
 
@@ -113,6 +124,7 @@ impl<const W: usize> Reporter<'_, W> {
             SpecialSink::Attributes => "is in the attributes of a hit".into(),
             SpecialSink::Ray(operand) => format!("is in the {operand} of a ray"),
             SpecialSink::Sample(operand) => format!("is {operand} of an image access"),
+            SpecialSink::Payload => "is left in the payload of the ray".into(),
         }
     }
 }

@@ -19,16 +19,22 @@ rules! {
         "write that part of the callable data before executeCallableEXT, or in the callable shader"
     PAYLOAD_UNDECLARED "payload-undeclared" UndefinedBehavior
         "Every hit and miss shader that a trace with a payload calls declares it, even if it does not use it."
-        "Vulkan, \"Ray Tracing Pipeline Interface\""
-        "declare the payload with rayPayloadInEXT in the shader"
+        "Vulkan, \"Ray Tracing Pipeline Interface\": the payload \"must be declared in the shader even if it is not \
+         referenced\"; VUID-RuntimeSpirv-OpTraceRayKHR-11855"
+        "declare the payload with rayPayloadInEXT in the shader; where rays of several payload types call it, give them \
+         one structure, or each type a hit group of its own (and an SBT offset) whose shader declares it"
     CALLABLE_UNDECLARED "callable-undeclared" UndefinedBehavior
         "Every callable shader that is called with callable data declares it, even if it does not use it."
-        "Vulkan, \"Ray Tracing Pipeline Interface\""
+        "Vulkan, \"Ray Tracing Pipeline Interface\": the incoming data \"must be the same structure as the callable data \
+         referenced by the execute callable instruction\""
         "declare the data with callableDataInEXT in the shader"
     PAYLOAD_STRUCTURE "payload-structure" UndefinedBehavior
         "Payloads and callable data of caller and called shader are one structure, not only the same scalars."
-        "Vulkan, \"Ray Tracing Pipeline Interface\"; VUID-RuntimeSpirv-OpTraceRayKHR-11855"
-        "declare the same structure in both shaders, best in a file that both include"
+        "Vulkan, \"Ray Tracing Pipeline Interface\": the payload \"must be the same structure for all shader stages using \
+         the payload for that ray\"; VUID-RuntimeSpirv-OpTraceRayKHR-11855"
+        "declare the same structure in both shaders, best in a file that both include; where rays of several payload \
+         types call one shader, give them one structure, or each type a hit group of its own (and an SBT offset) whose \
+         shader declares it"
     ATTR_TRIANGLE_TYPE "attr-triangle-type" UndefinedValue
         "The hit attributes of a group for triangles are two floats."
         "Vulkan, \"Ray Tracing Pipeline Interface\": barycentric coordinates"

@@ -36,7 +36,9 @@ rules! {
     MEMORY_SCOPE "memory-scope" UndefinedBehavior
         "The memory scope of a barrier or atomic instruction is one that the stage and the memory model have."
         "VUID-StandaloneSpirv-None-04638, -04640, -07321, VUID-RuntimeSpirv-vulkanMemoryModel-06265, -06266"
-        "use Device, or ShaderCallKHR between shaders of one ray-tracing call; Workgroup is for compute shaders"
+        "use Workgroup within a workgroup of compute shaders, ShaderCallKHR between shaders of one ray-tracing call; \
+         beyond these, Device without the Vulkan memory model, and QueueFamily with it, as Device needs the \
+         capability VulkanMemoryModelDeviceScope, too"
     INVOCATION_SCOPE "invocation-scope" UndefinedBehavior
         "An instruction of memory scope Invocation orders nothing: its semantics are Relaxed."
         "VUID-StandaloneSpirv-None-04641"

@@ -4,9 +4,13 @@ rules! {
     RACE_BUFFER "race-buffer" UndefinedBehavior
         "Of two invocations that access the same bytes, one of which writes, one is ordered behind the other."
         "Vulkan, Memory Model, Data Race"
-        "let each invocation write its own element, use atomic instructions, or, within a workgroup, put a \
-         barrier that all of it reaches between the two: barrier() for shared variables, and for a buffer \
-         memoryBarrierBuffer() before it"
+        "let each invocation write its own element, use atomic instructions, or, within a workgroup, put \
+         memoryBarrierBuffer() and a barrier() that all of it reaches between the two"
+    RACE_WORKGROUP "race-workgroup" UndefinedBehavior
+        "Of two invocations that access the same shared variable, one of which writes, one is ordered behind the other."
+        "Vulkan, Memory Model, Data Race"
+        "put a barrier() that the whole workgroup reaches between the two, let each invocation write its own element, \
+         or use atomic instructions"
     RACE_IMAGE "race-image" UndefinedBehavior
         "Of two invocations that access the same texel, one of which writes, one is ordered behind the other."
         "Vulkan, Memory Model, Data Race"
@@ -56,8 +60,10 @@ rules! {
         "declare the buffer or image `coherent` (in Slang and HLSL `globallycoherent`; WGSL for naga \
          `@coherent var`, as it decorates nothing by itself); where the source says so, the compiler has \
          lost it on the way"
-    RACE_SAME_VALUE "race-same-value" Lint
+    RACE_SAME_VALUE "race-same-value" UndefinedBehavior
         "Two invocations do not write to the same bytes, not even the same value."
-        "Vulkan, Memory Model, Data Race: it makes no difference which values are written"
+        "Vulkan, Memory Model, Data Race: \"X and Y be operations that access overlapping sets of memory locations M, \
+         where X != Y, and at least one of X and Y is a write, and X and Y are not mutually-ordered atomic \
+         operations\"; equal values are no exception"
         "let one invocation write, give each its own element, or use an atomic instruction"
 }
