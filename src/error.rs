@@ -117,6 +117,17 @@ pub enum Place {
     File(PathBuf),
 }
 
+/// Where a place of an error goes, in [`Error::relocated`].
+#[cfg(feature = "cli")]
+pub(crate) enum Relocation {
+    /// It becomes another place.
+    To(Place),
+    /// It becomes a note.
+    Note(String),
+    /// It is left out.
+    Nowhere,
+}
+
 /// An error of any part of the crate: kind, message, places and notes.
 pub struct Error(Box<ErrorData>);
 
@@ -242,6 +253,22 @@ impl Error {
     #[must_use]
     pub(crate) fn caused_by(mut self, source: io::Error) -> Self {
         self.0.io = Some(Arc::new(source));
+        self
+    }
+
+    /// Replaces its places and those of the errors that were found with it; labels stay.
+    #[cfg(feature = "cli")]
+    #[must_use]
+    pub(crate) fn relocated(mut self, relocate: &dyn Fn(Place) -> Relocation) -> Self {
+        for (place, label) in std::mem::take(&mut self.0.places) {
+            match relocate(place) {
+                Relocation::To(place) => self.0.places.push((place, label)),
+                Relocation::Note(note) => self.0.notes.push(note),
+                Relocation::Nowhere => {}
+            }
+        }
+        self.0.others =
+            std::mem::take(&mut self.0.others).into_iter().map(|one| one.relocated(relocate)).collect();
         self
     }
 
@@ -392,7 +419,10 @@ impl Error {
             }
         }
         notes.extend(self.0.notes.iter().cloned());
-        notes.extend(self.0.kind.help().map(|help| format!("help: {help}")));
+        // A limit is no gap: its note says how to raise it.
+        let has_help = self.0.is_limit || self.0.notes.iter().any(|note| note.starts_with("help: "));
+        let help = self.0.kind.help().filter(|_| !has_help);
+        notes.extend(help.map(|help| format!("help: {help}")));
         let (code, severity) = match self.0.rule {
             Some((rule, is_warning)) => (rule, if is_warning { Severity::Warning } else { Severity::Error }),
             None => ("", Severity::Error),

@@ -433,8 +433,6 @@ fn run_says_what_is_wrong_with_its_arguments() {
     let mistakes: &[(&[&str], &str)] = &[
         (&["--groups", "2,x"], "`--groups 2,x`: X, X,Y or X,Y,Z is needed"),
         (&["--entry", "mian"], "has no compute entry point `mian`"),
-        (&["--spec", "3=1"], "the module has no specialization constant 3"),
-        (&["--buffer", "7=16"], "`main` uses nothing at set 0, binding 7"),
         (&["--buffer", "1={ f31 = 1 }"], "did you mean `f32`?"),
         (&["--dump", "sums=hx"], "`hx` is none of typed, hex and json"),
         (&["--dump", "sms"], "`sms` is neither a resource of the scene nor a binding"),

@@ -13,6 +13,7 @@ mod addresses;
 mod atomic_files;
 #[cfg(feature = "wgsl")]
 mod bands;
+mod bare_modules;
 mod book;
 mod cli;
 mod compile;
@@ -38,11 +39,13 @@ mod expressions;
 mod file_circles;
 mod first_tests;
 mod fixtures;
+mod given_sizes;
 mod host_layout;
 mod instructions;
 #[cfg(all(feature = "proptest", feature = "wgsl"))]
 mod laws;
 mod layering;
+mod layouts;
 mod limits;
 mod load_fixtures;
 mod load_hostile;

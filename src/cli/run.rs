@@ -21,7 +21,7 @@ use crate::geometry::Precision;
 use crate::input::{InputLimit, is_stream, read_argument};
 use crate::machine::{LaunchLimits, MemoryPolicy};
 use crate::scene::image::{PictureKind, write_picture};
-use crate::scene::{self, LoadOptions};
+use crate::scene::{self, LoadOptions, ResolvedScene};
 
 /// Runs a scene's launch and dispatches, or the compute shader of a bare module.
 ///
@@ -81,7 +81,7 @@ pub(super) struct RunArgs {
 pub(super) fn run(args: RunArgs) -> Result<()> {
     let begin = Instant::now();
     let (is_scene, streamed) = what(&args)?;
-    let mut scene = match is_scene {
+    let scene = match is_scene {
         true => {
             args.bare_module.check_unused()?;
             let options = LoadOptions {
@@ -106,8 +106,16 @@ pub(super) fn run(args: RunArgs) -> Result<()> {
                 "`--variant` needs a scene: a module by itself has no variants".into(),
             ));
         }
-        false => args.bare_module.scene(&args.file, streamed, args.files.limits())?,
+        false => {
+            let (scene, command_line) = args.bare_module.scene(&args.file, streamed, args.files.limits())?;
+            return run_scene(&args, scene, false, begin).map_err(|error| command_line.reported(error));
+        }
     };
+    run_scene(&args, scene, true, begin)
+}
+
+/// Runs a scene, or the one that was made for a bare module.
+fn run_scene(args: &RunArgs, mut scene: ResolvedScene, is_scene: bool, begin: Instant) -> Result<()> {
     output::notes(&scene.notes);
     args.limits.limits(LaunchLimits::default()).give(&mut scene);
     let mut assembled = scene::assemble(&scene)?;
@@ -136,7 +144,7 @@ pub(super) fn run(args: RunArgs) -> Result<()> {
     let saved: Vec<_> = saved.collect::<Result<_>>()?;
 
     let load_time = begin.elapsed();
-    let drawn = args.many_seeds.run(&args.sanitize, &args.stability, &scene, &assembled, repeated(&args))?;
+    let drawn = args.many_seeds.run(&args.sanitize, &args.stability, &scene, &assembled, repeated(args))?;
     let launched = Instant::now();
     let on_progress = |_| ();
     let sanitized = match args.sanitize.is_requested() {

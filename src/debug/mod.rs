@@ -13,6 +13,7 @@ pub mod console;
 #[cfg(feature = "scenes")]
 pub mod debugger;
 pub mod executed_lines;
+pub mod given_block;
 pub mod hints;
 mod layout;
 pub mod names;

@@ -7,6 +7,7 @@ use std::vec::IntoIter;
 use crate::accel::{Candidate, RecordIndex, Tlas};
 use crate::debug::builtin_names::source_name;
 use crate::debug::executed_lines::PrintedText;
+use crate::debug::given_block::given_block;
 use crate::debug::layout::BufferLayout;
 use crate::debug::names::{self, Names};
 use crate::debug::query_reader::QueryReader;
@@ -114,7 +115,8 @@ impl<'a> EventReader<'a> {
     }
 
     fn shader(&mut self, record: Option<Arc<Buffer>>) -> Option<ShaderRun> {
-        let Event::Enter { shader, builtins, payload, attributes, .. } = self.next_event()? else {
+        let Event::Enter { shader, builtins, payload, attributes, push_constants, .. } = self.next_event()?
+        else {
             return None;
         };
         let run = self.begun;
@@ -149,6 +151,8 @@ impl<'a> EventReader<'a> {
                 .collect(),
             attributes: of(attribute, &attributes),
             record: record.and_then(|record| record_data(program, &record, &names)),
+            push_constants: push_constants
+                .and_then(|data| given_block(|value| names.value(value), program, &data)),
             payload_before: of(data, &payload),
             payload_after: of(data, &after),
             steps,

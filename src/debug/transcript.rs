@@ -7,6 +7,7 @@
 use serde::Serialize;
 
 use crate::debug::executed_lines::{ExecutedLine, PrintedText};
+use crate::debug::given_block::GivenBlock;
 use crate::debug::values::{FloatValue, TypedValue};
 use crate::error::ErrorReport;
 use crate::sorted::SortedMap;
@@ -172,6 +173,9 @@ pub struct ShaderRun {
     /// The data of its record, if it declares some; omitted otherwise.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub record: Option<RecordData>,
+    /// The push constants, if it declares some; omitted otherwise.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub push_constants: Option<GivenBlock>,
     /// The payload (or callable data) that it declares, before the run.
     pub payload_before: Option<TypedValue>,
     /// The payload (or callable data) after the run.

@@ -10,8 +10,9 @@ use crate::harness::texels::Texels;
 use crate::harness::typed::{AddressRoots, pointed};
 use crate::harness::value::Value;
 use crate::machine::{Binding, Resources};
-use crate::module::ty::{Type, TypeId};
+use crate::module::ty::TypeId;
 use crate::program::Program;
+use crate::program::descriptors::declared_blocks;
 
 /// What was bound for some shaders, and so how it is laid out.
 #[derive(Clone, Debug)]
@@ -150,15 +151,7 @@ pub(super) fn rows<T: AnyBitPattern>(bytes: &[u8]) -> Result<Vec<T>> {
 
 /// The blocks of a program's module: type, storage class and binding.
 pub(super) fn blocks(program: &Program) -> impl Iterator<Item = (TypeId, u32, Option<Binding>)> + '_ {
-    let module = &*program.module;
-    let entry =
-        module.entry_points.iter().find(|entry| entry.stage == program.stage && entry.name == program.name);
-    let variables = entry.map_or_else(Vec::new, |entry| module.interface_of(entry));
-    variables.into_iter().filter_map(|variable| {
-        let binding = variable.descriptor_set.zip(variable.binding);
-        let ty = variable.ty.filter(|ty| matches!(module.ty(*ty), Type::Struct { .. }))?;
-        Some((ty, variable.storage_class, binding.map(|(set, binding)| Binding { set, binding })))
-    })
+    declared_blocks(program)
 }
 
 fn invalid(message: String) -> Error {

@@ -181,10 +181,13 @@ fn check_saturation(
     if module.decorations.find(id, SATURATED).is_none() {
         return Ok(());
     }
+    // Components of a type that is not known here, as of a cooperative matrix, may be such floats.
+    let is_opaque = |ty: Id| module.type_with_id(ty).is_some_and(|ty| module.is_opaque(ty));
     let format = ty.and_then(|ty| encoded.of_value(module, ty));
     let converts = matches!(op, Op::FConvert | Op::ConvertSToF | Op::ConvertUToF);
     match format {
         Some(FloatFormat::E4M3 | FloatFormat::E5M2) if converts => Ok(()),
+        None if converts && ty.is_some_and(is_opaque) => Ok(()),
         _ => Err(invalid(
             at,
             format!(

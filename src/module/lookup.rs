@@ -1,5 +1,7 @@
 //! Queries on a loaded module: types, constants, names, operands, branch targets.
 
+use std::collections::HashSet;
+
 use rspirv::spirv::Op;
 use smallvec::SmallVec;
 
@@ -121,6 +123,31 @@ impl Module {
             | Type::Matrix { column: part, .. } => part,
             _ => return None,
         })
+    }
+
+    /// Returns true if a type is one that this crate does not know ([`Type::Other`]), holds one or
+    /// points to one: nothing says then what its values are, and where they may be used.
+    #[doc(hidden)]
+    pub fn is_opaque(&self, ty: TypeId) -> bool {
+        let mut seen = HashSet::new();
+        let mut worklist = vec![ty];
+        while let Some(ty) = worklist.pop() {
+            if !seen.insert(ty) {
+                continue;
+            }
+            match *self.ty(ty) {
+                Type::Other(_) => return true,
+                Type::Vector { component: part, .. }
+                | Type::Matrix { column: part, .. }
+                | Type::Array { element: part, .. }
+                | Type::RuntimeArray { element: part, .. }
+                | Type::Pointer { pointee: Some(part), .. }
+                | Type::SampledImage(part) => worklist.push(part),
+                Type::Struct { ref members, .. } => worklist.extend(members.iter().map(|member| member.ty)),
+                _ => {}
+            }
+        }
+        false
     }
 
     /// Whether the module declares the capability `VulkanMemoryModel`.

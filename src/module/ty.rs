@@ -137,7 +137,7 @@ pub struct Member {
 }
 
 /// How a matrix (or an array of matrices) in a struct lies in memory.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct MatrixLayout {
     /// Bytes between columns (or rows, where row-major).
     pub stride: u32,
@@ -164,7 +164,7 @@ impl Module {
     /// results of `OpSpecConstantOp`.
     #[doc(hidden)]
     pub fn size_of_with(&self, ty: TypeId, length: &dyn Fn(Id) -> Option<u64>) -> Option<u64> {
-        SizeComputation { module: self, length, memo: HashMap::new() }.size(ty, None)
+        SizeComputation::new(self, length).size(ty, None)
     }
 
     /// The number of scalars that a value of a type is made of; opaque types and pointers count
@@ -187,15 +187,20 @@ impl Module {
 
 /// Computes sizes. Those of structs are memoized: a struct of two structs of two structs... would
 /// be visited 2^depth times. The loader bounds the depth.
-struct SizeComputation<'a> {
+pub(super) struct SizeComputation<'a> {
     module: &'a Module,
     length: &'a dyn Fn(Id) -> Option<u64>,
     memo: HashMap<TypeId, Option<u64>>,
 }
 
-impl SizeComputation<'_> {
+impl<'a> SizeComputation<'a> {
+    /// A computation with the lengths of arrays given by the caller.
+    pub(super) fn new(module: &'a Module, length: &'a dyn Fn(Id) -> Option<u64>) -> Self {
+        Self { module, length, memo: HashMap::new() }
+    }
+
     /// The size of a type; `layout` is the matrix layout of the enclosing struct member.
-    fn size(&mut self, ty: TypeId, layout: Option<MatrixLayout>) -> Option<u64> {
+    pub(super) fn size(&mut self, ty: TypeId, layout: Option<MatrixLayout>) -> Option<u64> {
         match self.module.ty(ty) {
             Type::Int { width, .. } | Type::Float { width, .. } => Some(u64::from(width / 8)),
             Type::Vector { component, count } => self.size(*component, None)?.checked_mul(u64::from(*count)),
@@ -342,8 +347,8 @@ mod tests {
         assert_eq!([3, 11, 23, 24].map(|id| size(&module, id)), [None; 4]);
         // Row-major: two rows, the last one of three floats.
         let Type::Struct { members, .. } = module.ty(module.type_with_id(Id(20)).unwrap()) else { panic!() };
-        let mut sizes =
-            SizeComputation { module: &module, length: &|id| module.scalar_value(id), memo: HashMap::new() };
+        let length = |id| module.scalar_value(id);
+        let mut sizes = SizeComputation::new(&module, &length);
         assert_eq!(sizes.size(members[0].ty, members[0].matrix), Some(16 + 12));
     }
 

@@ -346,11 +346,17 @@ fn component_offset(
     Ok(to)
 }
 
+/// Which instructions make logical pointers.
+const LOGICAL_POINTERS: &str = "SPIR-V, 2.16.1: a logical pointer is the result of OpVariable, OpAccessChain, OpFunctionParameter and the like";
+
 /// Bits of a scalar; a device address has 64.
 fn bits(translator: &Translator<'_>, ty: TypeId) -> Result<u32> {
     match translator.module.ty(ty) {
         Type::Pointer { .. } if address::is_physical(translator, ty) => Ok(64),
-        Type::Pointer { .. } => Err(translator.unsupported("OpBitcast of a logical pointer")),
+        Type::Pointer { .. } => {
+            let message = "OpBitcast takes and gives device addresses, not logical pointers";
+            Err(translator.invalid(message).note(LOGICAL_POINTERS))
+        }
         Type::Int { .. } | Type::Float { .. } => translator.scalar_width(ty),
         &Type::Vector { component, .. } => bits(translator, component),
         _ => {

@@ -16,8 +16,8 @@
 //!   composites cost nothing when the program runs; operations ([`op`], [`lane_kernel`],
 //!   [`superop`]); operands (`access`, `builtin`, `integer_operand`, `intersection_view`, `object`,
 //!   `pointer_layout`, `pointer_stride`, `value_registers`); rules (`interface_check`,
-//!   `operand_types`, `ray_rules`, `support`); other ways to execute operations (`shadow_op`,
-//!   `symbolic`).
+//!   `layout_check`, `operand_types`, `ray_rules`, `support`); other ways to execute operations
+//!   (`shadow_op`, `symbolic`).
 //!
 //! An operation must not need the translator, which emits it: where a section defines operations
 //! of its own, they and how they run stand in its file, their translation in a file below that.
@@ -48,6 +48,7 @@ pub mod interface_check;
 pub mod intersection_view;
 pub mod irregular;
 pub mod lane_kernel;
+pub mod layout_check;
 pub mod linear_algebra;
 pub mod load_store;
 pub mod memory;
@@ -74,8 +75,9 @@ pub mod value_registers;
 
 use rspirv::spirv::Op as Opcode;
 
-use crate::error::Result;
+use crate::error::{Error, ErrorKind, Result};
 use crate::machine::Reg;
+use crate::module::names::opcode_name;
 use crate::module::{Id, Instruction};
 use crate::ops::conversion::Conversion;
 use crate::ops::integer_operand::ReadAs;
@@ -96,7 +98,9 @@ pub static SECTIONS: &[&[&OpFamily]] = &[
 /// Translates an instruction of a function and checks its result against its type.
 ///
 /// # Errors
-/// Those of [`translate_instruction`], and `InvalidModule` where the result is not of its type.
+/// Those of [`translate_instruction`], and `InvalidModule` where the result is not of its type. An
+/// instruction with a value of a type that is not known here is never invalid: its rules are those
+/// of the type.
 #[inline]
 pub fn translate_checked(
     translator: &mut Translator<'_>,
@@ -106,8 +110,27 @@ pub fn translate_checked(
     if number == Opcode::Nop as u16 {
         return Ok(());
     }
-    translate_instruction(translator, number, instruction)?;
-    translator.check_result(instruction)
+    let done = translate_instruction(translator, number, instruction);
+    let checked = done.and_then(|()| translator.check_result(instruction));
+    checked.map_err(|error| unless_opaque(translator, instruction, error))
+}
+
+/// The error of an instruction that breaks a rule, unless a type of it is not known here.
+#[cold]
+fn unless_opaque(translator: &Translator<'_>, instruction: &Instruction, error: Error) -> Error {
+    if error.kind() != ErrorKind::InvalidModule {
+        return error;
+    }
+    let module = translator.module;
+    let result = instruction.result_type.and_then(|id| module.type_with_id(id));
+    let operands = module.operand_ids(instruction).into_iter().filter_map(|id| module.type_of(id));
+    match result.into_iter().chain(operands).find(|&ty| module.is_opaque(ty)) {
+        Some(ty) => {
+            let (name, ty) = (opcode_name(instruction.opcode), module.describe_type(ty));
+            translator.unsupported(format!("{name} with a value of type {ty}"))
+        }
+        None => error,
+    }
 }
 
 /// Translates an instruction that is neither a terminator nor part of the control flow.
@@ -144,7 +167,7 @@ pub fn translate_instruction(
     if done {
         return Ok(());
     }
-    let name = crate::module::names::opcode_name(instruction.opcode);
+    let name = opcode_name(instruction.opcode);
     Err(translator.unsupported(format!("{name} is not supported")))
 }
 

@@ -36,13 +36,24 @@ const COMMITTED_NONE: u32 = 0;
 const COMMITTED_TRIANGLE: u32 = 1;
 const COMMITTED_GENERATED: u32 = 2;
 
+/// What a shader's execution mode `OpacityMicromapIdKHR` says of its ray queries.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MicromapMode {
+    /// The shader does not have it. `SPV_KHR_opacity_micromap` leaves a query over opacity
+    /// micromaps undefined; here it reads them, as with `VK_EXT_opacity_micromap`.
+    Undeclared,
+    /// It is true: queries read opacity micromaps.
+    Enabled,
+    /// It is false: a query over opacity micromaps traps.
+    Disabled,
+}
+
 /// An operation on ray queries.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(missing_docs, reason = "a variant's line tells its fields")]
 pub enum RayQueryOp {
-    /// `OpRayQueryInitializeKHR`; the operands lie in consecutive registers. `micromaps`: whether
-    /// there may be opacity micromaps.
-    Initialize { query: ObjectRef, operands: Reg, micromaps: bool },
+    /// `OpRayQueryInitializeKHR`; the operands lie in consecutive registers.
+    Initialize { query: ObjectRef, operands: Reg, micromaps: MicromapMode },
     /// `OpRayQueryProceedKHR`
     Proceed { query: ObjectRef, to: Reg },
     /// `OpRayQueryTerminateKHR`
@@ -324,7 +335,7 @@ fn initialize<const W: usize>(
     bindings: &Bindings,
     query: ObjectRef,
     operands: Reg,
-    micromaps: bool,
+    micromaps: MicromapMode,
 ) {
     // Mostly all lanes name one structure.
     let mut known = (0, bindings.acceleration_structure([0; 2]));
@@ -337,7 +348,7 @@ fn initialize<const W: usize>(
         let mut fault_value = structure;
         let done = query.register(&batch.registers, lane).and_then(|register| {
             let tlas = known.1.ok_or(TrapCode::AccelerationStructureMissing)?;
-            if !micromaps && tlas.has_micromaps() {
+            if micromaps == MicromapMode::Disabled && tlas.has_micromaps() {
                 return Err(TrapCode::RayQueryMicromaps);
             }
             let [t_min, t_max] = array::map([words[7], words[11]], f32::from_bits);

@@ -8,6 +8,8 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::machine::OpIndex;
 use crate::module::Module;
 use crate::module::names::capability_name;
+use crate::module::validate::explicit_layout::LayoutFeatures;
+use crate::ops::layout_check;
 use crate::ops::op::Op;
 use crate::pipeline::{PipelineFlags, flags};
 use crate::program::Program;
@@ -98,6 +100,12 @@ features! {
     ray_tracing_subgroups "subgroupSupportedStages" [];
     /// `VkPhysicalDeviceShaderClockFeaturesKHR::shaderSubgroupClock`
     shader_clock "shaderSubgroupClock" [5055u32];
+    /// `VkPhysicalDeviceScalarBlockLayoutFeatures::scalarBlockLayout`: blocks are aligned as their
+    /// scalars are.
+    scalar_block_layout "scalarBlockLayout" [];
+    /// `VkPhysicalDeviceUniformBufferStandardLayoutFeatures::uniformBufferStandardLayout`: uniform
+    /// buffers are aligned as storage buffers are.
+    uniform_buffer_standard_layout "uniformBufferStandardLayout" [];
 }
 
 impl Default for DeviceFeatures {
@@ -247,10 +255,11 @@ impl DeviceProfile {
         if self.limits.set(name, limit) { Ok(self) } else { Err(unknown("limit", name, DeviceLimits::NAMES)) }
     }
 
-    /// Checks the capabilities that a module declares.
+    /// Checks the capabilities that a module declares, and the layouts of its blocks.
     ///
     /// # Errors
-    /// `InvalidModule`, naming capability and feature, for each that the device does not support.
+    /// `InvalidModule`, naming capability and feature, for each that the device does not support;
+    /// with the rule, for each block whose alignment needs a feature that the device does not have.
     #[doc(hidden)]
     pub fn check_module(&self, module: &Module) -> Result<()> {
         let lacking = module.capabilities.iter().filter_map(|&capability| {
@@ -263,7 +272,14 @@ impl DeviceProfile {
             let error = Error::new(ErrorKind::InvalidModule, message);
             Some(error.note("VUID-VkShaderModuleCreateInfo-pCode-08740"))
         });
-        let errors: Vec<Error> = lacking.collect();
+        let mut errors: Vec<Error> = lacking.collect();
+        let layouts = LayoutFeatures {
+            scalar_block_layout: self.features.scalar_block_layout,
+            uniform_buffer_standard_layout: self.features.uniform_buffer_standard_layout,
+        };
+        if let Err(error) = layout_check::check_with(module, layouts) {
+            errors.push(error.context(format!("on the device `{}`", self.name)));
+        }
         if errors.is_empty() { Ok(()) } else { Err(Error::several(errors)) }
     }
 

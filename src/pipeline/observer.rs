@@ -5,7 +5,7 @@ use std::sync::Arc;
 use crate::accel::hit::HitPrimitive;
 use crate::accel::observer::{InstanceVerdict, PrimitiveVerdict};
 use crate::accel::{Candidate, Committed, HitKind, RecordIndex, Tlas, TraceRay, TraversalObserver};
-use crate::machine::{Exit, OpIndex, RayQueryEvent, Reg, ShaderIndex};
+use crate::machine::{Buffer, Exit, OpIndex, RayQueryEvent, Reg, ShaderIndex};
 use crate::module::interface::Stage;
 use crate::ops::builtin::Builtin;
 
@@ -170,6 +170,8 @@ pub enum Event {
         payload: Vec<u32>,
         /// The hit attributes before the shader runs, if it declares them.
         attributes: Vec<u32>,
+        /// The push constants.
+        push_constants: Option<Arc<Buffer>>,
     },
     /// A shader ended.
     Leave {

@@ -386,6 +386,7 @@ where
                         .collect(),
                     payload: words(running.data),
                     attributes: words(running.attributes),
+                    push_constants: self.bindings[running.shader.index()].push_constants.clone(),
                 });
             }
         }

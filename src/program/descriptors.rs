@@ -16,6 +16,19 @@ use crate::ops::translate::Slot;
 use crate::program::Program;
 use crate::sorted::sort_by_key;
 
+/// The blocks that a program uses: type, storage class and binding.
+pub fn declared_blocks(program: &Program) -> impl Iterator<Item = (TypeId, u32, Option<Binding>)> + '_ {
+    let module = &*program.module;
+    let entry =
+        module.entry_points.iter().find(|entry| entry.stage == program.stage && entry.name == program.name);
+    let variables = entry.map_or_else(Vec::new, |entry| module.interface_of(entry));
+    variables.into_iter().filter_map(|variable| {
+        let binding = variable.descriptor_set.zip(variable.binding);
+        let ty = variable.ty.filter(|ty| matches!(module.ty(*ty), Type::Struct { .. }))?;
+        Some((ty, variable.storage_class, binding.map(|(set, binding)| Binding { set, binding })))
+    })
+}
+
 /// `VkDescriptorType`, as far as a module tells it: a dynamic buffer is declared like any other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DescriptorType {

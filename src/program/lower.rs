@@ -26,7 +26,9 @@ use crate::ops::op::Op;
 use crate::ops::pointer::{Pointer, PointerBase, storage};
 use crate::ops::translate::{IdValue, Origin, Translator};
 use crate::ops::value_registers::Words;
-use crate::ops::{constant, interface_check, load_store, memory, object, ray_query, translate_checked};
+use crate::ops::{
+    constant, interface_check, layout_check, load_store, memory, object, ray_query, translate_checked,
+};
 use crate::program::call_graph::{InlineCost, inline_costs};
 use crate::program::control_flow::{escaping_values, structured_order};
 use crate::program::copy_propagation::{live_stores, propagate_copies};
@@ -161,6 +163,7 @@ pub(super) fn translate(
         return Err(Error::new(ErrorKind::InvalidModule, message).at(Place::Word(entry.offset as usize)));
     };
     module.check_faults()?;
+    layout_check::check(module)?;
     let mut lowering = Lowering {
         translator: Translator::new(module, entry.stage),
         module,
@@ -714,6 +717,7 @@ mod opcode {
     pub(super) const BRANCH: u16 = 249;
     pub(super) const BRANCH_CONDITIONAL: u16 = 250;
     pub(super) const SWITCH: u16 = 251;
+    pub(super) const KILL: u16 = 252;
     pub(super) const RETURN: u16 = 253;
     pub(super) const RETURN_VALUE: u16 = 254;
     pub(super) const UNREACHABLE: u16 = 255;

@@ -17,6 +17,7 @@ use crate::pipeline::{self, Compute, Launch, Pipeline, Sbt, SbtRecord};
 use crate::program::descriptors::stand_in;
 use crate::program::{Program, lower};
 use crate::scene::addresses::Addresses;
+use crate::scene::block_sizes;
 use crate::scene::descriptors;
 use crate::scene::file::MissingDescriptors;
 use crate::scene::files::SceneFiles;
@@ -158,6 +159,8 @@ fn assemble_excluding(
     notes.extend(descriptors::stride_notes(scene, programs()));
     notes.extend(descriptors::missing_note(scene, programs()));
     let passes = passes(scene, &pipelines, dispatches.len(), addresses)?;
+    let all: Vec<&Pipeline> = pipelines.iter().map(|(pipeline, _)| pipeline).collect();
+    notes.extend(block_sizes::notes(scene, programs(), &all, &dispatches, &passes));
     let mut pipelines = pipelines.into_iter().map(|(pipeline, _)| pipeline);
     let pipeline = pipelines.next().expect("bug in anyhit: a scene without a pipeline");
     let pipelines = pipelines.collect();

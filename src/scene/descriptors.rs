@@ -137,7 +137,7 @@ pub(super) fn missing_note<'a>(
 }
 
 /// The file and line of a place, before a note.
-fn line_of(place: &Place) -> String {
+pub(super) fn line_of(place: &Place) -> String {
     let Place::Text { file, text, span } = place else { return String::new() };
     format!("{file}:{}: ", text[..span.start].matches('\n').count() + 1)
 }

@@ -140,9 +140,15 @@ fn version(document: &Document) -> Result<()> {
     };
     match <Spanned<u32>>::parse(value) {
         Some(Spanned { value: VERSION, .. }) => Ok(()),
+        Some(Spanned { value: other, span }) if other < VERSION => {
+            let message = format!("the scene format has no version {other}");
+            Err(span.error(message).note(format!("help: write `version = {VERSION}`")))
+        }
         Some(Spanned { value: other, span }) => {
+            let own = env!("CARGO_PKG_VERSION");
             Err(Error::new(ErrorKind::UnsupportedFile, format!("version {other} of the scene format"))
-                .at_with(span.place(), format!("this anyhit reads version {VERSION}")))
+                .at_with(span.place(), format!("anyhit {own} reads version {VERSION}"))
+                .note(format!("help: update anyhit: a newer one than {own} reads this file")))
         }
         None => report.finish(),
     }

@@ -58,7 +58,9 @@ fn the_version_comes_first() {
     for (text, wanted) in [
         ("", "begins with its format's version: `version = 1`"),
         ("launch = 'x'\n", "begins with its format's version"),
-        ("version = 2\nnew_key = 1\n", "this anyhit reads version 1"),
+        ("version = 2\nnew_key = 1\n", "reads version 1"),
+        ("version = 2\n", "help: update anyhit"),
+        ("version = 0\n", "help: write `version = 1`"),
         ("version = '1'\n", "expected an integer"),
     ] {
         let error = mistake(text);
@@ -66,7 +68,10 @@ fn the_version_comes_first() {
         assert!(error.render().contains("s/a.toml:1:"), "{error:?}");
         assert!(error.others().is_empty(), "{error:?}");
     }
-    assert_eq!(mistake("version = 2\n").kind(), ErrorKind::UnsupportedFile);
+    let newer = mistake("version = 2\n");
+    assert_eq!(newer.kind(), ErrorKind::UnsupportedFile);
+    assert!(!newer.render().contains("a gap of anyhit"), "{newer:?}");
+    assert_eq!(mistake("version = 0\n").kind(), ErrorKind::InvalidScene);
 }
 
 #[test]

@@ -10,6 +10,7 @@ pub mod address_entry;
 pub mod addresses;
 pub mod assemble;
 mod assign_addresses;
+mod block_sizes;
 mod build_input;
 pub mod camera;
 pub mod data;

@@ -157,6 +157,8 @@ struct Resolver<'a> {
     passes: Vec<PassEntry>,
     precision: Precision,
     launch: [u32; 3],
+    /// Whether a file or the command line says how large the launch is.
+    has_launch: bool,
     rays: Vec<RayEntry>,
     own: Document,
     modules: Vec<ShaderModule>,
@@ -196,6 +198,7 @@ impl<'a> Resolver<'a> {
             passes: Vec::new(),
             precision: Precision::default(),
             launch: [1; 3],
+            has_launch: options.size.is_some(),
             rays: Vec::new(),
             own,
             modules: Vec::new(),
@@ -218,6 +221,7 @@ impl<'a> Resolver<'a> {
             all.pipelines.merge(part.pipelines);
             all.push_constants = part.push_constants.or(all.push_constants);
             all.precision = part.precision.unwrap_or(all.precision);
+            all.has_launch |= part.launch.is_some();
             all.launch = part.launch.map_or(all.launch, |launch| launch.value);
             if !part.dispatches.is_empty() {
                 all.dispatches = part.dispatches;
@@ -262,6 +266,9 @@ impl<'a> Resolver<'a> {
         let readers: Vec<_> = readers.iter().collect();
         let push_constants = self.data(self.push_constants.as_ref(), DataBlock::PushConstants, &readers);
         self.check_rays(&passes, !pipeline.sbt.raygen.is_empty(), dispatches.len());
+        if passes.is_empty() && !pipeline.sbt.raygen.is_empty() {
+            self.note_default_launch("");
+        }
         let geometry_names = tlas.iter().map(|(name, _)| self.geometry_names(name)).collect();
         let scene = ResolvedScene {
             path: self.own.source().path.clone(),
@@ -295,6 +302,16 @@ impl<'a> Resolver<'a> {
             assign_addresses::check(&scene, self.report);
         }
         Some(scene)
+    }
+
+    /// Notes that a launch has the size that no file gives; `of` says which launch.
+    fn note_default_launch(&self, of: &str) {
+        if !self.has_launch {
+            let path = self.own.source().path.display();
+            self.report.note(format!(
+                "{path}: no `launch`{of}: one invocation runs; `launch = [WIDTH, HEIGHT]` asks for more"
+            ));
+        }
     }
 
     /// The data that shaders read through a block; `own` are the shaders that it is for, all of the

@@ -540,6 +540,22 @@ fn what_the_extensions_do_not_list_is_invalid() {
     // What is valid and does not run is said so.
     let error = refused("%x = OpExtInst %e4 %glsl FAbs %eight");
     assert_eq!(error.kind(), ErrorKind::UnsupportedModule, "{}", error.render());
+    // The components of a cooperative matrix may be such floats (SPV_KHR_cooperative_matrix).
+    for conversion in ["OpFConvert %narrow %wide", "OpBitcast %narrow %wide", "OpFNegate %narrow %some"] {
+        let (name, annotation) = match conversion.contains("Convert") {
+            true => ("%saturated", "OpDecorate %saturated SaturatedToLargestFloat8NormalConversionEXT"),
+            false => ("%x", ""),
+        };
+        let declarations = format!(
+            "{TYPES}
+             %narrow = OpTypeCooperativeMatrixKHR %e4 %u3 %u9 %u9 %u0
+             %other = OpTypeCooperativeMatrixKHR %float %u3 %u9 %u9 %u0
+             %wide = OpUndef %other
+             %some = OpUndef %narrow"
+        );
+        let error = shader(&format!("{name} = {conversion}"), annotation, &declarations).refused();
+        assert_eq!(error.kind(), ErrorKind::UnsupportedModule, "{conversion}: {}", error.render());
+    }
     // BFloat16ArithmeticINTEL, which SPV_EXT_bfloat16_arithmetic has taken over.
     let declarations = format!("{TYPES}\n%one = OpConstant %bf 0x3f80");
     let capabilities = format!("{CAPABILITIES}\nOpCapability 6226");

@@ -23,6 +23,27 @@ fn a_cluster_that_is_no_power_of_two_breaks_no_rule() {
     assert_eq!(verdict(&shader).0, ErrorKind::UnsupportedModule);
 }
 
+/// SPIR-V, 3.3.17: "This instruction is only valid in the Fragment Execution Model."
+#[test]
+fn what_ends_a_fragment_is_invalid_elsewhere() {
+    for name in ["OpKill", "OpTerminateInvocation"] {
+        let body = format!("{name}\n%behind = OpLabel");
+        let (kind, note) = verdict(&Shader { body: &body, ..Shader::default() });
+        assert_eq!(kind, ErrorKind::InvalidModule);
+        assert!(note.is_some_and(|note| note.starts_with(&format!("SPIR-V, 3.3.17, {name}"))));
+    }
+}
+
+/// `spirv-val`: "Instruction may not have a logical pointer operand".
+#[test]
+fn logical_pointers_are_no_numbers() {
+    for body in ["%x = OpBitcast %uint %out", "%x = OpBitcast %ptr_StorageBuffer_uint %u1"] {
+        let (kind, note) = verdict(&Shader { body, ..Shader::default() });
+        assert_eq!(kind, ErrorKind::InvalidModule);
+        assert!(note.is_some_and(|note| note.starts_with("SPIR-V, 2.16.1")), "{body}");
+    }
+}
+
 #[test]
 fn ray_queries_are_not_loaded() {
     let shader = Shader {

@@ -54,12 +54,14 @@ pub fn ours(words: &[u32]) -> Ours {
     }
 }
 
-/// Whether a text names a rule: a VUID, a section of a specification, an extension.
+/// Whether a text names a rule: a VUID, a section of a specification (Vulkan's by its title), an
+/// extension.
 pub fn cites(text: &str) -> bool {
     let section = |text: &str| text.trim_start().starts_with(|first: char| first.is_ascii_digit());
     text.contains("VUID-")
         || text.contains("SPV_")
         || text.contains("NonSemantic.")
+        || text.contains("Vulkan, Offset and Stride Assignment")
         || text.split("SPIR-V, ").skip(1).any(section)
         || text.split("SPIR-V ").skip(1).any(section)
         || text.split("GLSL.std.450, ").count() > 1

@@ -1,11 +1,13 @@
 //! A module's compute shader without a scene file: the scene is made from the command line.
 //!
-//! The arguments become the text of a scene file, so that their values are written, checked and
-//! reported as in any other scene. Resources that the shader binds and the command line does not
+//! The arguments become the text of a scene file, so that their values are written and checked as
+//! in any other scene. Nobody sees this text: errors in it are reported at the flag behind them
+//! ([`CommandLineScene::reported`]). Resources that the shader binds and the command line does not
 //! mention are made by reflection, filled with zeros.
 
 use std::collections::HashSet;
 use std::fmt::Write as _;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
@@ -13,7 +15,7 @@ use clap::Args;
 use crate::cli::module_file;
 use crate::cli::run::dump::{binding, invalid};
 use crate::compile::{CompileOptions, DebugInfoLevel, Language, SourceSettings};
-use crate::error::{ErrorKind, Place, Result};
+use crate::error::{Error, ErrorKind, Place, Relocation, Result};
 use crate::input::{InputLimit, InputLimits, read_argument};
 use crate::machine::Binding;
 use crate::math::array;
@@ -77,6 +79,8 @@ impl Arguments {
 /// A resource given on the command line. Without an element it is the default of all elements that
 /// are not given one by one.
 struct ResourceArgument {
+    /// The argument: `--buffer 0=64`.
+    flag: String,
     binding: Binding,
     element: Option<u32>,
     /// The device address of a buffer as the scene writes it.
@@ -96,7 +100,8 @@ impl ResourceArgument {
             });
             match parts {
                 Some(((binding, element), address, value)) => {
-                    Ok(Self { binding, element, address, value: value.trim().to_owned() })
+                    let (flag, value) = (format!("--{name} {text}"), value.trim().to_owned());
+                    Ok(Self { flag, binding, element, address, value })
                 }
                 None => Err(invalid(format!("`--{name} {text}`: [SET,]BINDING=... is needed"))),
             }
@@ -146,20 +151,28 @@ impl Arguments {
         }
     }
 
-    /// The scene that dispatches a module's compute shader once; `streamed` holds the module where
-    /// it was read already.
+    /// The scene that dispatches a module's compute shader once, and which flag each part of its
+    /// text is from; `streamed` holds the module where it was read already.
     pub(super) fn scene(
         &self,
         path: &Path,
         streamed: Option<Vec<u8>>,
         limits: InputLimits,
-    ) -> Result<ResolvedScene> {
+    ) -> Result<(ResolvedScene, CommandLineScene)> {
         let (bytes, module) = read(path, streamed, &limits)?;
         let entry = self.entry_point(&module, path)?;
         let groups = self.groups()?;
         let text = self.text(path, module, &entry, groups)?;
         let files = ModuleAndDisk { path: path.to_path_buf(), bytes, limits };
-        load_text(Path::new("the command line"), &text, &files, &LoadOptions::default())
+        let scene = load_text(Path::new(COMMAND_LINE), &text.text, &files, &LoadOptions::default());
+        match scene {
+            Ok(_) if text.too_large.is_some() => Err(invalid(text.too_large.unwrap_or_default())),
+            Ok(mut scene) => {
+                scene.notes.extend(text.notes.iter().cloned());
+                Ok((scene, text))
+            }
+            Err(error) => Err(text.reported(error)),
+        }
     }
 
     fn entry_point(&self, module: &Module, path: &Path) -> Result<EntryPoint> {
@@ -204,7 +217,14 @@ impl Arguments {
     }
 
     /// The scene file's text.
-    fn text(&self, path: &Path, module: Module, entry: &EntryPoint, groups: [u32; 3]) -> Result<String> {
+    fn text(
+        &self,
+        path: &Path,
+        module: Module,
+        entry: &EntryPoint,
+        groups: [u32; 3],
+    ) -> Result<CommandLineScene> {
+        let mut out = CommandLineScene::default();
         let mut specialization = Vec::new();
         let mut module = module;
         for text in &self.spec {
@@ -219,7 +239,13 @@ impl Arguments {
                     SpecializationKey::Name(key.trim().to_owned(), place).id(&module)?
                 }
             };
-            specialization.push(format!("{id} = {}", value.trim()));
+            if !module.constants.iter().any(|constant| constant.spec_id == Some(id)) {
+                // VkSpecializationMapEntry: such an entry "does not affect the behavior of the
+                // pipeline".
+                out.notes.push(format!("`--spec {text}`: the module has no specialization constant {id}"));
+                continue;
+            }
+            specialization.push((format!("{id} = {}", value.trim()), format!("--spec {text}")));
             // Sizes of arrays and workgroups depend on it; the scene checks all other values.
             if let Ok(bits) = value.trim().parse::<u64>() {
                 module.specialize(id, bits)?;
@@ -232,23 +258,49 @@ impl Arguments {
         let invocations: u64 = sides.iter().fold(1, |count: u64, &side| count.saturating_mul(side));
 
         let file = quoted(&path.display().to_string());
-        let mut text = format!(
-            "version = 1\nlaunch = [{}, {}, {}]\n",
-            sides[0].max(1),
-            sides[1].max(1),
-            sides[2].max(1)
-        );
+        let groups_text = format!("--groups {}", self.groups.as_deref().unwrap_or("1"));
+        let groups_flag = Origin::Flag(groups_text.clone());
+        let is_too_large = invocations >= 1 << 40 || sides.iter().any(|&side| side > u64::from(u32::MAX));
+        out.too_large = is_too_large.then(|| {
+            let [x, y, z] = size;
+            format!(
+                "`{groups_text}`: with workgroups of {x} x {y} x {z} the dispatch has {invocations} invocations, and \
+                 less than 2^32 along each axis and less than 2^40 in all are possible"
+            )
+        });
+        out.text += "version = 1\n";
+        // What it is for, images by default, has a texel for each invocation.
+        if invocations <= MAX_LAUNCH && sides.iter().all(|&side| side <= u64::from(u32::MAX)) {
+            out.add(groups_flag.clone(), |text| {
+                let _ = writeln!(text, "launch = {:?}", sides.map(|side| side.max(1)));
+            });
+        }
+        let declared_size = push_constant_size(&module, entry);
         if let Some(push) = &self.push {
-            let _ = writeln!(text, "push_constants = {}", data(push));
-        } else if let Some(size) = push_constant_size(&module, entry) {
-            let _ = writeln!(text, "push_constants = {{ zeros = {size} }}");
+            if declared_size.is_none() {
+                out.notes.push(format!("`--push {push}`: `{}` has no push constants", entry.name));
+            }
+            out.add(Origin::Flag(format!("--push {push}")), |text| {
+                let _ = writeln!(text, "push_constants = {}", data(push));
+            });
+        } else if let Some(size) = declared_size {
+            let _ = writeln!(out.text, "push_constants = {{ zeros = {size} }}");
         }
-        let _ = writeln!(text, "[shaders.main]\npath = {file}\nentry = {}", quoted(&entry.name));
-        let _ = writeln!(text, "specialization = {{ {} }}", specialization.join(", "));
+        let _ = writeln!(out.text, "[shaders.main]\npath = {file}\nentry = {}", quoted(&entry.name));
+        out.text += "specialization = {";
+        for (at, (pair, flag)) in specialization.into_iter().enumerate() {
+            out.text += if at == 0 { " " } else { ", " };
+            out.add(Origin::Flag(flag), |text| *text += &pair);
+        }
+        out.text += " }\n";
         if let Some(size) = self.subgroup_size {
-            let _ = writeln!(text, "[pipeline]\nsubgroup_size = {size}");
+            out.add(Origin::Flag(format!("--subgroup-size {size}")), |text| {
+                let _ = writeln!(text, "[pipeline]\nsubgroup_size = {size}");
+            });
         }
-        let _ = writeln!(text, "[[dispatch]]\nshader = \"main\"\ngroups = {groups:?}");
+        out.add(groups_flag, |text| {
+            let _ = writeln!(text, "[[dispatch]]\nshader = \"main\"\ngroups = {groups:?}");
+        });
         let (addressed, bound): (Vec<_>, Vec<_>) =
             self.buffer.iter().map(|text| (text, addressed(text))).partition(|(_, found)| found.is_some());
         let bound: Vec<String> = bound.into_iter().map(|(text, _)| text.clone()).collect();
@@ -256,13 +308,17 @@ impl Arguments {
             (ResourceArgument::list("buffer", &bound)?, ResourceArgument::list("image", &self.image)?);
         let variables = module.interface_of(entry);
         let mut names = HashSet::new();
-        for (name, address, value) in addressed.into_iter().filter_map(|(_, found)| found) {
+        let addressed = addressed.into_iter().filter_map(|(flag, found)| Some((flag, found?)));
+        for (flag, (name, address, value)) in addressed {
             if !names.insert(name.to_owned()) {
                 return Err(invalid(format!("two buffers are named `{name}`")));
             }
             let address = address_value(address);
-            let _ = writeln!(text, "[resources.{}]\ntype = \"buffer\"\naddress = {address}", quoted(name));
-            content(&mut text, value);
+            out.add(Origin::Flag(format!("--buffer {flag}")), |text| {
+                let _ =
+                    writeln!(text, "[resources.{}]\ntype = \"buffer\"\naddress = {address}", quoted(name));
+                content(text, value);
+            });
         }
         for variable in &variables {
             if let Some((set, binding)) = variable.descriptor_set.zip(variable.binding) {
@@ -284,7 +340,7 @@ impl Arguments {
                     let element = elements.map(|_| element);
                     let name = unique_name(&mut names, &variable.name, binding, element);
                     let table = ResourceTable { variable, name, binding, element, buffer, image };
-                    table.write(&mut text, &module, invocations)?;
+                    table.write(&mut out, &module, (&groups_text, invocations))?;
                 }
             }
         }
@@ -294,13 +350,72 @@ impl Arguments {
             };
             if !variables.iter().any(used) {
                 let Binding { set, binding } = given.binding;
-                return Err(invalid(format!(
-                    "`{}` uses nothing at set {set}, binding {binding}",
-                    entry.name
-                )));
+                let (flag, name) = (&given.flag, &entry.name);
+                out.notes.push(format!("`{flag}`: `{name}` uses nothing at set {set}, binding {binding}"));
             }
         }
-        Ok(text)
+        Ok(out)
+    }
+}
+
+/// The name of the made scene as a file.
+const COMMAND_LINE: &str = "the command line";
+
+/// Invocations of the largest launch.
+const MAX_LAUNCH: u64 = 1 << 30;
+
+/// What a part of the made scene is from.
+#[derive(Clone, Debug)]
+enum Origin {
+    /// A flag with its value.
+    Flag(String),
+    /// A default, and how to change it.
+    Default(String),
+}
+
+/// The text of the made scene.
+#[derive(Default)]
+pub(super) struct CommandLineScene {
+    text: String,
+    /// What parts of the text are from.
+    origins: Vec<(Range<usize>, Origin)>,
+    /// Arguments without effect.
+    notes: Vec<String>,
+    /// Why the dispatch cannot run, where it is too large.
+    too_large: Option<String>,
+}
+
+impl CommandLineScene {
+    /// Writes a part of the text.
+    fn add(&mut self, origin: Origin, write: impl FnOnce(&mut String)) {
+        let start = self.text.len();
+        write(&mut self.text);
+        self.origins.push((start..self.text.len(), origin));
+    }
+
+    /// Returns an error about the made scene as one about the command line: a place in the scene
+    /// becomes the place in the flag that it is from, or a note about a default.
+    pub(super) fn reported(&self, error: Error) -> Error {
+        error.relocated(&|place| match place {
+            Place::Text { ref file, ref span, .. } if file == COMMAND_LINE => {
+                let part = self.origins.iter().find(|(range, _)| range.contains(&span.start));
+                match part.map(|(_, origin)| origin) {
+                    Some(Origin::Flag(flag)) => {
+                        let wanted = self.text.get(span.clone()).unwrap_or_default();
+                        let start = flag.find(wanted).filter(|_| !wanted.is_empty());
+                        let span = start.map_or(0..flag.len(), |start| start..start + wanted.len());
+                        Relocation::To(Place::Text {
+                            file: COMMAND_LINE.to_owned(),
+                            text: flag.as_str().into(),
+                            span,
+                        })
+                    }
+                    Some(Origin::Default(note)) => Relocation::Note(note.clone()),
+                    None => Relocation::Nowhere,
+                }
+            }
+            place => Relocation::To(place),
+        })
     }
 }
 
@@ -439,7 +554,34 @@ struct ResourceTable<'a> {
 
 impl ResourceTable<'_> {
     /// Adds the table to the text of the scene.
-    fn write(&self, text: &mut String, module: &Module, invocations: u64) -> Result<()> {
+    fn write(
+        &self,
+        out: &mut CommandLineScene,
+        module: &Module,
+        (groups, invocations): (&str, u64),
+    ) -> Result<()> {
+        let start = out.text.len();
+        self.write_text(&mut out.text, module, invocations)?;
+        let origin = match self.buffer.or(self.image) {
+            Some(given) => Origin::Flag(given.flag.clone()),
+            None => {
+                let (name, Binding { set, binding }) = (&self.name, self.binding);
+                let is_image = self.variable.storage_class == storage::UNIFORM_CONSTANT;
+                let (each, flag) = match is_image {
+                    true => ("a texel", format!("--image {set},{binding}=WxH")),
+                    false => ("an element of its runtime array", format!("--buffer {set},{binding}=SIZE")),
+                };
+                Origin::Default(format!(
+                    "`{name}` at set {set}, binding {binding} has by default {each} for each of the {invocations} \
+                     invocations of `{groups}`: `{flag}` gives its size"
+                ))
+            }
+        };
+        out.origins.push((start..out.text.len(), origin));
+        Ok(())
+    }
+
+    fn write_text(&self, text: &mut String, module: &Module, invocations: u64) -> Result<()> {
         let Self { variable, ref name, binding, element, buffer, image } = *self;
         let Binding { set, binding: number } = binding;
         let Some(mut ty) = variable.ty else { return Ok(()) };
@@ -494,7 +636,7 @@ impl ResourceTable<'_> {
                 .note("a [[dispatch]] in a scene runs a compute shader too: docs/scene.md"));
             }
             _ => {
-                return Err(crate::error::Error::new(
+                return Err(Error::new(
                     ErrorKind::UnsupportedModule,
                     format!("`{name}`: a resource of type {}", module.describe_type(ty)),
                 ));
@@ -553,7 +695,7 @@ mod tests {
         for (element, buffer) in [("4294967295", "1[4294967295]=4"), ("1", "1[1]=4")] {
             let arguments = Arguments { buffer: vec![buffer.to_owned()], ..Arguments::default() };
             let module = Path::new("spirv-fixtures/pass/compute/prefix-sum/main.comp.spv");
-            let error = arguments.scene(module, None, InputLimits::default()).unwrap_err();
+            let error = arguments.scene(module, None, InputLimits::default()).err().expect("no such element");
             let wanted = format!("set 0, binding 1 has no element {element}: 1 are bound");
             assert_eq!(error.message(), wanted);
         }
@@ -570,7 +712,7 @@ mod tests {
         let buffer = ["1[0]=8", "1[1]=12"].map(str::to_owned).to_vec();
         let arguments = Arguments { buffer, ..Arguments::default() };
         let module = Path::new("spirv-fixtures/fail/compute/array-of-buffers/main.comp.spv");
-        let scene = arguments.scene(module, None, InputLimits::default()).unwrap();
+        let (scene, _) = arguments.scene(module, None, InputLimits::default()).unwrap();
         let assembled = crate::scene::assemble(&scene).unwrap();
         let error = assembled.run::<64>(&assembled.resources, &|_| ()).unwrap_err();
         let trap = error.trap().expect("a trap");

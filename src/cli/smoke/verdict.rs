@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use crate::error::{Error, ErrorKind, ErrorReport, Result};
+use crate::error::{Error, ErrorClass, ErrorKind, ErrorReport, Result};
 use crate::harness::sanitized::deny;
 use crate::harness::smoke::{SmokeReport, SmokeVerdict};
 
@@ -20,23 +20,20 @@ pub(super) struct JsonReport<'a> {
 ///
 /// # Errors
 /// `Expectation` where an entry point trapped or entered too few of its blocks; `UnsupportedModule`
-/// or `InvalidModule` where one does not run; `Finding` where the sanitizer denies what is in it.
+/// or `InvalidModule` where one does not run; of the class `Limit` where one exceeds a limit;
+/// `Finding` where the sanitizer denies what is in it.
 pub(super) fn verdict(report: &SmokeReport, min_coverage: f64) -> Result<()> {
     let worst = report.worst();
-    let kind = match worst {
-        SmokeVerdict::Ok | SmokeVerdict::OutOfScope => {
-            report.entry_points.iter().try_for_each(|entry| deny(&entry.findings))?;
-            return covered(report, min_coverage);
-        }
-        SmokeVerdict::Trap => ErrorKind::Expectation,
-        SmokeVerdict::Unsupported | SmokeVerdict::Bug => ErrorKind::UnsupportedModule,
-        SmokeVerdict::Invalid => ErrorKind::InvalidModule,
-    };
+    if worst <= SmokeVerdict::OutOfScope {
+        report.entry_points.iter().try_for_each(|entry| deny(&entry.findings))?;
+        return covered(report, min_coverage);
+    }
     let entries = &report.entry_points;
     let count = |verdict| entries.iter().filter(|entry| entry.result == verdict).count();
     let verdicts = [
         (SmokeVerdict::Trap, "trapped"),
         (SmokeVerdict::Unsupported, "not supported"),
+        (SmokeVerdict::Limit, "beyond a limit"),
         (SmokeVerdict::Invalid, "invalid"),
         (SmokeVerdict::Bug, "met a bug in anyhit"),
     ];
@@ -46,7 +43,15 @@ pub(super) fn verdict(report: &SmokeReport, min_coverage: f64) -> Result<()> {
         .filter(|(count, _)| *count > 0)
         .map(|(count, word)| format!("{count} {word}"))
         .collect();
-    Err(Error::new(kind, format!("of {} entry points, {}", entries.len(), parts.join(", "))))
+    let message = format!("of {} entry points, {}", entries.len(), parts.join(", "));
+    Err(match worst {
+        SmokeVerdict::Ok | SmokeVerdict::OutOfScope | SmokeVerdict::Trap => {
+            Error::new(ErrorKind::Expectation, message)
+        }
+        SmokeVerdict::Unsupported | SmokeVerdict::Bug => Error::new(ErrorKind::UnsupportedModule, message),
+        SmokeVerdict::Limit => Error::of_class(ErrorClass::Limit, message),
+        SmokeVerdict::Invalid => Error::new(ErrorKind::InvalidModule, message),
+    })
 }
 
 /// Whether every entry point entered enough of its blocks.

@@ -1,6 +1,7 @@
 //! Renders shader runs: what they were given, which lines ran, what they did.
 
 use crate::debug::executed_lines::{AssignedValue, ExecutedLine, PrintedText};
+use crate::debug::given_block::GivenBlock;
 use crate::debug::page::{TextStyle, with_plural};
 use crate::debug::render::Writer;
 use crate::debug::render::words::{annotated, change, label, payload_label, source_suffix, value_rows};
@@ -28,6 +29,11 @@ impl Writer<'_> {
         let mut rows: Vec<(String, String)> = run.builtins.iter().map(builtin).collect();
         rows.extend(run.attributes.iter().flat_map(|value| value_rows("hit attribute", value)));
         rows.extend(run.record.iter().flat_map(record_rows));
+        if let Some(block) = &run.push_constants {
+            let GivenBlock { given, declared, value } = block;
+            rows.extend(value.iter().flat_map(|value| value_rows("push constants", value)));
+            rows.extend(size_row("push constants", *given, *declared));
+        }
         rows.extend(run.payload_before.iter().flat_map(|value| value_rows(payload_label(run), value)));
         self.page.rows(rows);
         self.lines(&run.lines);
@@ -191,7 +197,14 @@ fn record_rows(record: &RecordData) -> Vec<(String, String)> {
         let label = format!("record from byte {declared} on");
         rows.push((label, format!("not declared; as floats {}", numbers.join(", "))));
     }
+    rows.extend(size_row("record", *given, *declared));
     rows
+}
+
+/// Both sizes of a block, where they differ.
+fn size_row(name: &str, given: u64, declared: u64) -> Option<(String, String)> {
+    let sizes = || (format!("{name} size"), format!("{given} bytes given, {declared} declared"));
+    (given != declared).then(sizes)
 }
 
 /// How wide the column of the lines' text is.

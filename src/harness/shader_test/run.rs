@@ -189,6 +189,7 @@ impl ShaderTest {
                 .collect(),
             payload: registers(self.payload_rows()),
             attributes: registers(self.program.interface_registers(storage::HIT_ATTRIBUTE)),
+            push_constants: None,
         }
     }
 

@@ -103,6 +103,7 @@ impl ModuleVerdict {
             (SmokeVerdict::Bug, _) => Self::Bug,
             (SmokeVerdict::Invalid, _) => Self::Invalid,
             (SmokeVerdict::Unsupported, _) => Self::Unsupported,
+            (SmokeVerdict::Limit, _) => Self::Limit,
             (SmokeVerdict::Trap, _) => Self::Trap,
             (_, Some(ErrorKind::Finding)) => Self::Finding,
             (_, Some(_)) => Self::TooLittleReached,

@@ -177,6 +177,7 @@ fn entry_point(
             report.result = match (entry.stage, error.kind()) {
                 (Stage::Other(_), _) => SmokeVerdict::OutOfScope,
                 (_, ErrorKind::InvalidModule) => SmokeVerdict::Invalid,
+                _ if error.class() == ErrorClass::Limit => SmokeVerdict::Limit,
                 _ => SmokeVerdict::Unsupported,
             };
             report.reasons = obstacles(module, entry, &error);
@@ -327,6 +328,7 @@ fn reached(program: &Program, progress: &Progress) -> BlockCoverage {
 
 fn verdict(error: &Error) -> SmokeVerdict {
     match error.kind() {
+        _ if error.class() == ErrorClass::Limit => SmokeVerdict::Limit,
         ErrorKind::UnsupportedModule => SmokeVerdict::Unsupported,
         ErrorKind::InvalidModule => SmokeVerdict::Invalid,
         _ => SmokeVerdict::Bug,

@@ -23,6 +23,8 @@ pub enum SmokeVerdict {
     Trap,
     /// Something in it is not supported.
     Unsupported,
+    /// It exceeds a limit ([`InputLimit`](crate::input::InputLimit)).
+    Limit,
     /// The module breaks a rule of SPIR-V or Vulkan.
     Invalid,
     /// This program has a bug.
@@ -294,6 +296,7 @@ impl SmokeVerdict {
             Self::OutOfScope => "out of scope",
             Self::Trap => "trap",
             Self::Unsupported => "NOT SUPPORTED",
+            Self::Limit => "limit",
             Self::Invalid => "invalid",
             Self::Bug => "BUG IN ANYHIT",
         }

@@ -22,6 +22,9 @@
 //! 4. the wording by which the judge recognises the class in SPIRV-Tools' messages, in
 //!    `judges/src/validation.rs`.
 
+pub mod explicit_layout;
+pub mod layout;
+
 use std::fmt;
 
 use crate::error::{Error, ErrorKind, Place, Result};
@@ -31,7 +34,7 @@ use crate::module::{Id, Module};
 type Check = fn(&Module) -> Vec<ValidationFinding>;
 
 /// Checks whose findings make the module invalid.
-const FAULTS: &[Check] = &[];
+const FAULTS: &[Check] = &[layout::check];
 
 /// Checks of what the module uses without declaring it.
 const REQUIREMENTS: &[Check] = &[];

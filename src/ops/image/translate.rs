@@ -4,8 +4,8 @@ use rspirv::spirv::Op as Opcode;
 use smallvec::SmallVec;
 
 use crate::error::Result;
-use crate::module::Instruction;
-use crate::module::ty::Type;
+use crate::module::ty::{ImageType, Type, TypeId};
+use crate::module::{Instruction, Module};
 use crate::ops::image::{IMPLICIT, access, footprint, processing, query, sample};
 use crate::ops::translate::Translator;
 
@@ -52,13 +52,24 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
     Ok(true)
 }
 
+/// Returns true if `OpSampledImage` may make a sampled image around one image type of an image of
+/// another: they differ at most in `Depth`, which Vulkan ignores ("Depth is ignored", "Validation
+/// Rules within a Module") and `spirv-val` does not compare.
+fn are_combined(module: &Module, found: TypeId, wanted: TypeId) -> bool {
+    match (module.ty(found), module.ty(wanted)) {
+        (Type::Image(found), Type::Image(wanted)) => ImageType { depth: wanted.depth, ..*found } == *wanted,
+        _ => found == wanted,
+    }
+}
+
 /// Checks that `OpSampledImage` combines a sampler with an image of its result's type.
 fn check_sampled_image(translator: &Translator<'_>, instruction: &Instruction) -> Result<()> {
     let result = translator.result_type(instruction)?;
     let Type::SampledImage(image) = *translator.module.ty(result) else {
         return Err(translator.invalid("the result of OpSampledImage is no sampled image"));
     };
-    if translator.type_of(translator.id(instruction, 0)?)? != image {
+    let found = translator.type_of(translator.id(instruction, 0)?)?;
+    if !are_combined(translator.module, found, image) {
         return Err(translator.invalid("the image of OpSampledImage is not of its result's image type"));
     }
     let sampler = translator.type_of(translator.id(instruction, 1)?)?;

@@ -10,7 +10,7 @@ use crate::module::ty::Type;
 use crate::ops::builtin::ValueShape;
 use crate::ops::object::{define_result, object_ref};
 use crate::ops::op::Op as Operation;
-use crate::ops::ray_query::{AABB_OPAQUE, GETTERS, OPCODES, OPERANDS, RAY_GETTERS, RayQueryOp};
+use crate::ops::ray_query::{AABB_OPAQUE, GETTERS, MicromapMode, OPCODES, OPERANDS, RAY_GETTERS, RayQueryOp};
 use crate::ops::translate::Translator;
 
 /// Translates ray query instructions; `false` for an instruction of another section.
@@ -31,8 +31,11 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
             }
             let operands = translator.consecutive(&words)?;
             let micromaps = match translator.micromap_mode {
-                Some(mode) => translator.constant_integer(mode)? != 0,
-                None => true,
+                Some(mode) => match translator.constant_integer(mode)? {
+                    0 => MicromapMode::Disabled,
+                    _ => MicromapMode::Enabled,
+                },
+                None => MicromapMode::Undeclared,
             };
             RayQueryOp::Initialize { query, operands, micromaps }
         }

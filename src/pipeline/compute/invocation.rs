@@ -1,9 +1,10 @@
 //! One invocation of a dispatch, observed.
 
 use std::cell::{Cell, RefCell};
+use std::sync::Arc;
 
 use crate::error::{Error, ErrorKind, Result};
-use crate::machine::{Batch, Exit, Observer, Resources, ShaderIndex, Watchdog};
+use crate::machine::{Batch, Buffer, Exit, Observer, Resources, ShaderIndex, Watchdog};
 use crate::math::array;
 use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::pipeline::compute::Compute;
@@ -101,6 +102,7 @@ impl Compute {
         let (events, lane) = (RefCell::new(Vec::new()), Cell::new(None));
         let mut one = OneInvocation {
             program: &self.program,
+            push_constants: bindings.push_constants.clone(),
             id,
             lane: &lane,
             events: &events,
@@ -133,6 +135,7 @@ impl Compute {
 /// Follows one invocation through the batches of its workgroup.
 struct OneInvocation<'a> {
     program: &'a Program,
+    push_constants: Option<Arc<Buffer>>,
     id: [u32; 3],
     /// The invocation's lane, while the batch that it is in runs it.
     lane: &'a Cell<Option<u32>>,
@@ -157,6 +160,7 @@ impl<const W: usize> Observer<W> for OneInvocation<'_> {
                 builtins: inputs.map(|input| (input.builtin, words(input.first, input.count))).collect(),
                 payload: Vec::new(),
                 attributes: Vec::new(),
+                push_constants: self.push_constants.clone(),
             });
         }
         (self.on_part)(RunPart::Begins);

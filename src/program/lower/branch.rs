@@ -82,7 +82,14 @@ impl Lowering<'_> {
             opcode::TERMINATE_RAY => self.end(Terminator::Exit(Exit::Terminated)),
             other => {
                 let name = crate::module::names::opcode_name(other);
-                return Err(self.translator.unsupported(format!("{name} in a ray-tracing stage")));
+                let message = format!("{name} in {}", self.translator.stage.name());
+                return Err(match other {
+                    opcode::KILL | opcode::TERMINATE_INVOCATION => {
+                        let rule = format!("SPIR-V, 3.3.17, {name}: only in the execution model Fragment");
+                        self.translator.invalid(message).note(rule)
+                    }
+                    _ => self.translator.unsupported(message),
+                });
             }
         }
         Ok(())

@@ -7,8 +7,8 @@ use smallvec::SmallVec;
 
 use crate::accel::RayFlags;
 use crate::machine::{Batch, Exit, Mask, OpIndex, QueryNotes, RayQuery};
-use crate::ops::ray_query::RayQueryOp;
-use crate::sanitize::rule::{Rule, query};
+use crate::ops::ray_query::{MicromapMode, RayQueryOp};
+use crate::sanitize::rule::{Rule, query, stop};
 use crate::sanitize::sanitizer::Sanitizer;
 
 /// Rules that a query breaks, each with the operation that is to be shown.
@@ -58,6 +58,10 @@ fn tell<const W: usize>(
             "the committed hit of a ray query is used, though rayQueryProceedEXT has not returned false, and is \
              not called again"
         }
+        () if rule == &stop::RQ_MICROMAP => {
+            "a ray query in an acceleration structure with opacity micromaps, and the shader does not have the \
+             execution mode OpacityMicromapIdKHR"
+        }
         () if rule == &query::RQ_IGNORED_RESULT => {
             "rayQueryProceedEXT comes to a candidate, at which the shader does not look"
         }
@@ -75,9 +79,11 @@ fn note(query: &mut RayQuery, op: OpIndex, query_op: &RayQueryOp, ignores_result
     let is_complete = query.is_complete();
     let notes = &mut query.notes;
     match *query_op {
-        RayQueryOp::Initialize { .. } => {
+        RayQueryOp::Initialize { micromaps, .. } => {
             broken = pending(notes);
             *notes = QueryNotes::default();
+            let is_undeclared = micromaps == MicromapMode::Undeclared && query.tlas().has_micromaps();
+            broken.extend(is_undeclared.then_some((&stop::RQ_MICROMAP, op)));
         }
         RayQueryOp::Proceed { .. } => {
             broken.extend(notes.ignored.map(|at| (&query::RQ_IGNORED_RESULT, at)));

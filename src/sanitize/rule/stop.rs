@@ -148,7 +148,7 @@ rules! {
         "use a structure in which nothing moves, or an intersection shader"
     RQ_MICROMAP "rq-micromap" UndefinedBehavior
         "A shader whose ray queries meet opacity micromaps enables them."
-        "SPV_KHR_opacity_micromap"
+        "SPV_KHR_opacity_micromap; VUID-vkCmdDispatch-micromap-11636, and of each command that dispatches or traces"
         "set the execution mode OpacityMicromapIdKHR: gl_EnableOpacityMicromapEXT = true in GLSL"
     PRIMITIVE_GETTER "ho-lss-sphere-only" UndefinedBehavior
         "What only one kind of primitive has is asked of that kind."

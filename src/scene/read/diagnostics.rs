@@ -78,18 +78,22 @@ impl Diagnostics {
         self.errors.borrow().len() >= self.most()
     }
 
+    /// Adds a note, a line of text.
+    pub fn note(&self, note: String) {
+        if self.notes.borrow().len() < self.most() {
+            self.notes.borrow_mut().push(note);
+        }
+    }
+
     /// Notes that a file uses an old name, which is still accepted.
     pub(super) fn renamed(&self, span: &Span, old: &str, new: &str) {
-        if self.notes.borrow().len() >= self.most() {
-            return;
-        }
         let Span { source, range } = span;
         let line = source.text[..range.start].matches('\n').count() + 1;
         let note = format!(
             "{}:{line}: `{old}` is now called `{new}`; the old name still works",
             source.path.display()
         );
-        self.notes.borrow_mut().push(note);
+        self.note(note);
     }
 
     /// Removes and returns the notes, a line of text each.

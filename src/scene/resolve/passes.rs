@@ -142,7 +142,10 @@ impl Resolver<'_> {
                     });
                     let Some(pipeline) = self.pass_pipeline(pipeline.as_ref(), pipelines) else { continue };
                     let Some(index) = self.raygen_record(entry, pipeline, raygen.as_ref()) else { continue };
-                    let size = size.unwrap_or(self.launch);
+                    let size = size.unwrap_or_else(|| {
+                        self.note_default_launch(&format!(" of pass {}", passes.len()));
+                        self.launch
+                    });
                     ResolvedPassWork::Launch { pipeline, raygen: index, size, push_constants }
                 }
                 PassWorkEntry::Dispatch(entry) => {
