@@ -8,7 +8,7 @@ use anyhit::internals::module::{
     self, validate::explicit_layout::LayoutFeatures, validate::layout::layout_faults,
 };
 use anyhit::internals::program;
-use anyhit::{Error, ErrorKind, Module};
+use anyhit::{DeviceProfile, Error, ErrorKind, Module};
 
 use crate::support::assembly::assemble;
 
@@ -191,6 +191,25 @@ fn lengths_count_after_specialization() {
     module.specialize(7, 3).expect("a constant");
     let text = invalid(module);
     assert!(text.contains("`S.total` at offset 16 overlaps `S.count`, which ends at offset 24"), "{text}");
+}
+
+/// A vec3 at offset 8 straddles a boundary of 16 bytes (Vulkan, "Offset and Stride Assignment").
+#[test]
+fn a_device_without_scalar_layouts_refuses_dense_blocks() {
+    let offsets = |second| format!("OpMemberDecorate %S 0 Offset 0\nOpMemberDecorate %S 1 Offset {second}");
+    let block = |second| compute("StorageBuffer", &offsets(second), "%S = OpTypeStruct %float %v3");
+    let device = DeviceProfile::default().with_feature("ray_query", false).expect("a feature");
+    assert!(device.check_module(&block(8)).is_ok());
+    let device = device.with_feature("scalar_block_layout", false).expect("a feature");
+    assert!(device.check_module(&block(16)).is_ok());
+    let error = device.check_module(&block(8)).expect_err("it straddles");
+    assert_eq!(error.kind(), ErrorKind::InvalidModule);
+    let text = error.render();
+    for part in
+        ["on the device `permissive`", "at offset 8 straddles a boundary of 16 bytes", "scalarBlockLayout"]
+    {
+        assert!(text.contains(part), "{text}");
+    }
 }
 
 /// Structs of structs of structs are visited once each.

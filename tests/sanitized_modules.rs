@@ -8,6 +8,8 @@ use anyhit::internals::pipeline::{Compute, Launch, Pipeline};
 use anyhit::internals::sanitize::{Findings, Levels, ProgramPlan, Sanitizer};
 
 use crate::support::assembly::assemble;
+use crate::support::files::root;
+use crate::support::program::{anyhit, at, scratch};
 
 /// A shader of two invocations that writes to one buffer of an array each, by an access that is
 /// decorated `NonUniform`.
@@ -313,4 +315,54 @@ fn a_function_without_lines_is_told_by_the_line_of_its_call() {
     let frame = &finding.stack[0];
     assert_eq!((frame.file.as_deref(), frame.line), (Some("made.wgsl"), Some(12)));
     assert!(finding.error.render().contains("made.wgsl:12:5"), "{}", finding.error.render());
+}
+
+/// A fixture without its execution mode `OpacityMicromapIdKHR`.
+fn without_micromap_mode(fixture: &str) -> Vec<u8> {
+    const EXECUTION_MODE_ID: u32 = 331;
+    const OPACITY_MICROMAP_ID: u32 = 6031;
+    let bytes = std::fs::read(root().join("spirv-fixtures").join(fixture)).expect("a fixture");
+    let words: Vec<u32> =
+        bytes.chunks_exact(4).map(|word| u32::from_le_bytes(word.try_into().expect("a word"))).collect();
+    let mut kept = words[..5].to_vec();
+    let mut rest = &words[5..];
+    while let [first, ..] = rest {
+        let (instruction, behind) = rest.split_at((first >> 16) as usize);
+        if (first & 0xffff, instruction.get(2)) != (EXECUTION_MODE_ID, Some(&OPACITY_MICROMAP_ID)) {
+            kept.extend(instruction);
+        }
+        rest = behind;
+    }
+    assert!(kept.len() < words.len(), "{fixture} has no such mode");
+    kept.iter().flat_map(|word| word.to_le_bytes()).collect()
+}
+
+/// SPV_KHR_opacity_micromap: "If ray query traversal uses acceleration structures with opacity
+/// micromaps, this execution mode must be specified with a value of true; otherwise, undefined
+/// behavior will result." Dispatches and launches alike.
+#[test]
+fn ray_queries_over_micromaps_need_their_mode() {
+    for (case, fixture) in [
+        ("sanitize/rq-micromap", "sanitize/rq-micromap/mended.comp.spv"),
+        ("pass/opacity-micromap/states", "pass/opacity-micromap/states/main.rgen.spv"),
+    ] {
+        let folder = scratch(&format!("micromap-mode-{}", fixture.replace('/', "-")));
+        std::fs::write(folder.join("stripped.spv"), without_micromap_mode(fixture))
+            .expect("a writable folder");
+        let shaders = root().to_str().expect("UTF-8").replace('\\', "/");
+        let text =
+            std::fs::read_to_string(root().join("shaders").join(case).join("scene.toml")).expect("a scene");
+        let text = text.replace("broken.comp", "mended.comp");
+        let up = "../".repeat(case.matches('/').count() + 2);
+        assert!(text.contains(&format!("{up}spirv-fixtures/{fixture}")), "{text}");
+        let whole = text.replace(&up, &format!("{shaders}/"));
+        let stripped = text.replace(&format!("{up}spirv-fixtures/{fixture}"), "stripped.spv");
+        let stripped = stripped.replace(&up, &format!("{shaders}/"));
+        for (name, text, is_denied) in [("whole.toml", whole, false), ("stripped.toml", stripped, true)] {
+            std::fs::write(folder.join(name), text).expect("a writable folder");
+            let ran = anyhit(&["run", &at(&folder, name), "--sanitize"]);
+            assert_eq!(ran.code, Some(if is_denied { 6 } else { 0 }), "{case} {name}: {}", ran.err);
+            assert_eq!(ran.err.contains("error[rq-micromap]"), is_denied, "{case} {name}: {}", ran.err);
+        }
+    }
 }
