@@ -266,16 +266,18 @@ impl Order {
 
     /// Invocations wait at a control barrier of their workgroup.
     pub(super) fn barrier(&mut self, invocations: impl Iterator<Item = u32>, semantics: Semantics) {
-        let classes = match self.sync.is_exact {
-            true if semantics.joins_all() => semantics.classes,
-            true => Classes::NONE,
-            // GLSL's `memoryBarrierBuffer(); barrier();`: what the fences of the module name counts
-            // as named by its control barriers, wherever the fences stand.
-            false => {
-                let fences = self.fences.releases.with(self.fences.acquires).across(false);
-                semantics.classes.with(fences)
+        let mut semantics = semantics;
+        if !self.sync.is_exact {
+            // GLSL's `memoryBarrierBuffer(); barrier();`: what the fences of the module name, and
+            // their scope, count as named by its control barriers, wherever the fences stand.
+            let fences = self.fences.releases.with(self.fences.acquires);
+            semantics.classes = semantics.classes.with(fences.across(false));
+            if fences.across(true) != Classes::NONE {
+                semantics.level = Level::Wide;
             }
-        };
+        }
+        let orders_all = !self.sync.is_exact || semantics.joins_all();
+        let classes = if orders_all { semantics.classes } else { Classes::NONE };
         for invocation in invocations {
             let at = invocation.wrapping_sub(self.first) as usize;
             if at >= self.passed.len() {
