@@ -42,6 +42,11 @@ impl Times {
         Self { before: time, available: [[0; 3]; 3] }
     }
 
+    /// The same, of accesses up to another time.
+    pub(super) fn until(self, before: u32) -> Self {
+        Self { before, ..self }
+    }
+
     /// Until when writes that make themselves available as far as `own` are so in a domain.
     pub(super) fn available(&self, own: Level, domain: Level) -> u32 {
         if own >= domain { self.before } else { self.available[own as usize][domain.domain()] }
@@ -76,6 +81,13 @@ impl Times {
         }
     }
 
+    /// Whether others are nowhere earlier.
+    pub(super) fn is_within(&self, other: &Self) -> bool {
+        let mut joined = *other;
+        joined.join(self);
+        joined == *other
+    }
+
     /// The later ones of both.
     pub(super) fn join(&mut self, other: &Self) {
         self.before = self.before.max(other.before);
@@ -85,15 +97,9 @@ impl Times {
     }
 }
 
-/// A visibility operation of an invocation.
-#[derive(Clone, Debug)]
-struct Seen {
-    by: u32,
-    class: usize,
-    /// The domains that it reads from.
-    level: Level,
-    what: View,
-}
+/// A visibility operation: of which invocation, of which class of memory, and from domains up to
+/// which level.
+type Seeing = (u32, usize, Level);
 
 /// What an invocation knew once.
 #[derive(Clone, Debug, Default)]
@@ -106,13 +112,13 @@ pub(super) struct Knowledge {
     /// By class: until when all accesses count as if they happened before, and were available and
     /// visible, as more invocations than are told apart have taken part.
     everyone: [u32; CLASSES],
-    /// The visibility operations that happen before.
-    seen: Vec<Seen>,
+    /// The visibility operations that happen before, with what was known then.
+    seen: FxHashMap<Seeing, View>,
 }
 
 impl Knowledge {
     /// More invocations, or visibility operations, are not told apart.
-    const MOST: usize = 512;
+    const MOST: usize = 4096;
 
     /// What is known of an invocation.
     pub(super) fn of_invocation(invocation: u32, times: [Times; CLASSES]) -> Self {
@@ -135,8 +141,10 @@ impl Knowledge {
         for class in classes.each() {
             self.everyone[class] = self.everyone[class].max(other.everyone[class]);
         }
-        for seen in other.seen.iter().filter(|seen| classes.each().any(|class| class == seen.class)) {
-            self.add_seen(seen.clone());
+        for (&seeing, what) in &other.seen {
+            if classes.each().any(|class| class == seeing.1) {
+                self.seen.insert(seeing, what.clone());
+            }
         }
         self.limit();
     }
@@ -151,15 +159,6 @@ impl Knowledge {
         }
         self.by.clear();
         self.seen.clear();
-    }
-
-    fn add_seen(&mut self, seen: Seen) {
-        let is_same =
-            |other: &&mut Seen| (other.by, other.class, other.level) == (seen.by, seen.class, seen.level);
-        match self.seen.iter_mut().find(is_same) {
-            Some(known) => *known = seen,
-            None => self.seen.push(seen),
-        }
     }
 
     /// Whether nothing is known.
@@ -237,11 +236,11 @@ impl View {
         if self.is_available(topology, write, viewer, level) {
             return true;
         }
-        let chained = |seen: &Seen| {
-            seen.class == write.class
-                && seen.level > level
-                && topology.common(seen.by, viewer) <= level
-                && seen.what.makes_visible(topology, write, seen.by, seen.level)
+        let chained = |(&(by, class, source), what): (&Seeing, &Self)| {
+            class == write.class
+                && source > level
+                && topology.common(by, viewer) <= level
+                && what.makes_visible(topology, write, by, source)
         };
         self.0.iter().any(|part| part.everyone[write.class] > write.clock || part.seen.iter().any(chained))
     }
@@ -250,18 +249,17 @@ impl View {
     pub(super) fn seen_by(&self, by: u32, classes: Classes, level: Level) -> Knowledge {
         let stripped = |part: &Arc<Knowledge>| {
             // Operations that read from narrower domains are no beginning of this one's chain.
-            let is_wider = |seen: &Seen| seen.level > level;
-            match part.seen.iter().all(is_wider) {
+            match part.seen.keys().all(|&(.., source)| source > level) {
                 true => part.clone(),
                 false => {
                     let mut part = Knowledge::clone(part);
-                    part.seen.retain(is_wider);
+                    part.seen.retain(|&(.., source), _| source > level);
                     Arc::new(part)
                 }
             }
         };
         let what = Self(self.0.iter().map(stripped).collect());
-        let seen = classes.each().map(|class| Seen { by, class, level, what: what.clone() });
+        let seen = classes.each().map(|class| ((by, class, level), what.clone()));
         Knowledge { seen: seen.collect(), ..Knowledge::default() }
     }
 }

@@ -135,9 +135,9 @@ pub(super) struct PassedBarriers {
     pub epochs: [u32; 3],
     /// All of them.
     pub all: usize,
-    /// What the last one releases to others by the atomic instructions behind it, until the
-    /// invocation goes on.
-    released: Option<Semantics>,
+    /// The semantics of the last one, until the invocation goes on: what it releases to others by
+    /// the atomic instructions behind it, and makes visible.
+    last: Option<Semantics>,
 }
 
 /// What orders an access before a later one.
@@ -292,9 +292,10 @@ impl Order {
             }
             // It is a memory barrier, too. What it releases is known once all have come to it.
             let is_shared_alone = !self.sync.is_exact && semantics.classes.is_alone(Class::Workgroup);
-            passed.released = Some(semantics).filter(|one| one.releases && !is_shared_alone);
+            passed.last = Some(semantics).filter(|_| !is_shared_alone);
             if semantics.acquires {
-                self.sync.fence(invocation, passed.all, Semantics { releases: false, ..semantics });
+                let acquires = Semantics { releases: false, visible: false, ..semantics };
+                self.sync.fence(invocation, passed.all, acquires);
             }
         }
         self.sync.clock += 1;
@@ -304,13 +305,16 @@ impl Order {
     fn go_on(&mut self, invocation: u32) -> PassedBarriers {
         let at = invocation.wrapping_sub(self.first) as usize;
         let Some(passed) = self.passed.get_mut(at) else { return PassedBarriers::default() };
-        let released = passed.released.take();
+        let last = passed.last.take();
         let passed = *passed;
         if self.sync.is_exact && passed.all > 0 {
             self.sync.settle(invocation, passed.all);
         }
-        if let Some(semantics) = released {
-            self.sync.fence(invocation, passed.all, Semantics { acquires: false, ..semantics });
+        if let Some(semantics) = last {
+            self.sync.make_visible_to_all(invocation, passed.all, &semantics);
+            if semantics.releases {
+                self.sync.fence(invocation, passed.all, Semantics { acquires: false, ..semantics });
+            }
         }
         passed
     }

@@ -220,11 +220,14 @@ impl Synchronization {
             |release: &Arc<Release>| !joins_all || release.classes != release.classes.and(semantics.classes);
         let releases: Vec<_> = fences.filter(is_left).chain(own).collect();
         let before = self.clock + 1;
-        let own = agent.map(|agent| agent.own).filter(|own| *own != [Times::default(); 3]);
-        let own = own.map(|mut own| {
-            own.iter_mut().for_each(|times| times.before = before);
-            Knowledge::of_invocation(invocation, own)
-        });
+        // What the barrier makes available of all invocations is noted once.
+        let mut of_all = Times::before(before);
+        if semantics.available {
+            of_all.make_available(semantics.level);
+        }
+        let own = agent.map(|agent| agent.own.map(|times| times.until(before)));
+        let own = own.filter(|own| !own.iter().all(|times| times.is_within(&of_all)));
+        let own = own.map(|own| Knowledge::of_invocation(invocation, own));
         let known = self.known.get(&invocation).cloned();
         let phases = self.phases.entry(self.topology.group(invocation)).or_default();
         while phases.len() <= barriers {
@@ -424,6 +427,21 @@ impl Synchronization {
             let known = Arc::make_mut(self.known.entry(invocation).or_default());
             lifted.iter().for_each(|part| known.join(part, classes));
         }
+    }
+
+    /// An invocation goes on behind a control barrier of its workgroup, which makes visible what is
+    /// available, as it does to all others: nobody begins a chain with it.
+    pub(super) fn make_visible_to_all(&mut self, invocation: u32, barriers: usize, semantics: &Semantics) {
+        let Semantics { classes, level, acquires, visible, .. } = *semantics;
+        if !(self.is_exact && acquires && visible)
+            || level == Level::Own
+            || !self.known.contains_key(&invocation)
+        {
+            return;
+        }
+        let view = self.view(invocation, barriers);
+        let views = &mut self.agents.entry(invocation).or_default().views;
+        classes.each().for_each(|class| views[class][level.domain()] = Some(view.clone()));
     }
 
     /// An invocation makes visible what it knows to be available.
