@@ -10,13 +10,12 @@ use crate::sanitize::report::{CallFrame, Reporter, Sink};
 use crate::sanitize::sanitizer::Sanitizer;
 
 impl Sanitizer<'_> {
-    /// Reports each word of the payload that is undefined at the end of a ray from the host, or a
+    /// Reports each word of the payload that is undefined at the end of a ray from the host, or of a
     /// NaN or an infinity that an instruction made.
     pub fn check_payload(&mut self, outcome: &RayOutcome) {
         let batch = Batch::<1>::new(Registers::new(0));
-        for (word, (shadow, &bits)) in (0..).zip(outcome.shadow.iter().zip(&outcome.payload)) {
-            let is_special = !f32::from_bits(bits).is_finite();
-            if shadow.cause == NO_CAUSE || !(shadow.is_undefined || is_special) {
+        for (word, shadow) in (0..).zip(&outcome.shadow) {
+            if shadow.cause == NO_CAUSE {
                 continue;
             }
             let (shader, op) = self.last_write(word);

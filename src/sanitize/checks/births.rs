@@ -235,7 +235,11 @@ pub(in crate::sanitize) fn reach<const W: usize>(
     let found = match sink {
         SpecialSink::Comparison | SpecialSink::ReportedT => nan_lanes(&batch.registers, register, 32),
         SpecialSink::Ray(_) | SpecialSink::Sample(_) => special_lanes(&batch.registers, register, 32),
-        SpecialSink::Attributes | SpecialSink::Buffer | SpecialSink::Image(_) | SpecialSink::Print => lanes,
+        SpecialSink::Attributes
+        | SpecialSink::Buffer
+        | SpecialSink::Image(_)
+        | SpecialSink::Print
+        | SpecialSink::Payload => lanes,
     };
     let found = found & lanes;
     if !found.is_empty() {
