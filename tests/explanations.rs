@@ -482,3 +482,19 @@ fn a_record_is_shown_as_the_shader_declares_it() {
         assert!(line.is_some_and(|line| line.ends_with(row[1])), "{row:?} in\n{text}");
     }
 }
+
+#[test]
+fn the_command_names_the_variant() {
+    let shader = |value: u32| {
+        format!(
+            "@group(0) @binding(0) var<storage, read_write> out: array<u32>;\n\
+             @compute @workgroup_size(1) fn main() {{ out[0] = {value}u; }}\n"
+        )
+    };
+    let scene =
+        dispatch("size = 4", "u32 = [1]") + "[[variant]]\nname = 'far away'\nshaders = { a = 'b.wgsl' }\n";
+    let (one, two) = (shader(1), shader(2));
+    let text = failure("variant", &[("a.wgsl", &one), ("b.wgsl", &two), ("scene.toml", &scene)]);
+    // The scene itself passes.
+    holds(&text, &["--invocation 0,0,0 --variant \"far away\"\n", "1 passed, 1 failed"]);
+}

@@ -315,7 +315,11 @@ impl Tester<'_> {
             _ => blame.request.clone(),
         };
         let Some(request) = request else { return };
-        failure.command = Some(command_line(&scene.path.display().to_string(), &request));
+        let mut command = command_line(&scene.path.display().to_string(), &request);
+        if let Some(variant) = self.variant {
+            command += &format!(" --variant {}", shell::word(variant));
+        }
+        failure.command = Some(command);
         if self.options.no_explanation {
             return;
         }
