@@ -204,7 +204,7 @@ impl Resources {
                 }
             }
             let name = self.names.get(&binding).cloned();
-            (!kinds.is_empty()).then(|| BindingSummary { binding, kinds, count: elements.len(), name })
+            (!kinds.is_empty()).then_some(BindingSummary { binding, kinds, count: elements.len(), name })
         });
         bound.collect()
     }

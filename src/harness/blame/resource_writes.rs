@@ -146,6 +146,9 @@ struct LineStores {
     range: Option<(u64, u64)>,
 }
 
+/// How far a store is from the target, and the invocation that stored.
+type NearStore = (u64, [u32; 3]);
+
 /// The search through a scene.
 struct Search<'a> {
     loaded: &'a Loaded,
@@ -156,7 +159,7 @@ struct Search<'a> {
     /// where it has no lines.
     lines: SortedMap<(String, u32, String), LineStores>,
     /// The pass that is likely to be meant to write, and its invocation nearest to that.
-    likely: Option<(usize, Option<(u64, [u32; 3])>)>,
+    likely: Option<(usize, Option<NearStore>)>,
     /// The pass that changed the value unobserved, and its invocations.
     unobserved: Option<(usize, u64)>,
 }
@@ -499,7 +502,7 @@ struct WriteFinder<'a> {
     /// What each operation stored to the resource, by shader and operation.
     stores: SortedMap<(usize, usize), LineStores>,
     /// The nearest store: its distance and the invocation.
-    nearest: Option<(u64, [u32; 3])>,
+    nearest: Option<NearStore>,
 }
 
 impl<'a> WriteFinder<'a> {
