@@ -19,6 +19,8 @@ use std::panic::{RefUnwindSafe, UnwindSafe};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use crate::escape;
+
 use codespan_reporting::diagnostic::{Diagnostic, Label, LabelStyle, Severity};
 use codespan_reporting::files::SimpleFile;
 use codespan_reporting::term::{self, termcolor};
@@ -163,12 +165,13 @@ impl Clone for Error {
 }
 
 impl Error {
-    /// An error of a kind with its one-line message.
+    /// An error of a kind with its one-line message. Characters that would end the line or are
+    /// hidden, as names in it may have, become escapes.
     #[cold]
     pub fn new(kind: ErrorKind, message: impl Into<String>) -> Self {
         Self(Box::new(ErrorData {
             kind,
-            message: message.into(),
+            message: escape::into_line(message.into()),
             places: Vec::new(),
             notes: Vec::new(),
             others: Vec::new(),
@@ -184,7 +187,7 @@ impl Error {
     /// [source](std::error::Error::source).
     #[cold]
     pub fn io(path: impl AsRef<Path>, source: io::Error) -> Self {
-        Self::new(ErrorKind::Io, format!("{}: {source}", path.as_ref().display())).caused_by(source)
+        Self::new(ErrorKind::Io, format!("{}: {source}", escape::path(&path.as_ref()))).caused_by(source)
     }
 
     /// The error of a trap, with the message of its code.
@@ -231,21 +234,31 @@ impl Error {
     /// Adds a place of the problem, with a label.
     #[must_use]
     pub fn at_with(mut self, place: Place, label: impl Into<String>) -> Self {
-        self.0.places.push((place, label.into()));
+        self.0.places.push((place, escape::into_line(label.into())));
         self
     }
 
-    /// Adds a note: a rule's number, a hint, a value.
+    /// Adds a note in one line: a rule's number, a hint, a value. Characters that would end the line
+    /// or are hidden become escapes.
     #[must_use]
     pub fn note(mut self, note: impl Into<String>) -> Self {
-        self.0.notes.push(note.into());
+        self.0.notes.push(escape::into_line(note.into()));
+        self
+    }
+
+    /// Adds a note of several lines, which are escaped by themselves: a list, a table, a comparison.
+    /// None of them begins with a command to the runner of a workflow.
+    #[must_use]
+    pub(crate) fn note_lines(mut self, lines: impl Into<String>) -> Self {
+        let lines = lines.into();
+        self.0.notes.push(escape::text(&lines, false).into_owned());
         self
     }
 
     /// Prefixes the message with a context: `"while reading a.toml"`.
     #[must_use]
     pub fn context(mut self, context: impl fmt::Display) -> Self {
-        self.0.message = format!("{context}: {}", self.0.message);
+        self.0.message = escape::into_line(format!("{context}: {}", self.0.message));
         self
     }
 
@@ -368,14 +381,15 @@ impl Error {
     pub fn render(&self) -> String {
         let mut writer = termcolor::NoColor::new(Vec::new());
         self.render_to(&mut writer);
-        String::from_utf8_lossy(&writer.into_inner()).into_owned()
+        // Lines of sources are shown as well.
+        escape::text(&String::from_utf8_lossy(&writer.into_inner()), false).into_owned()
     }
 
     /// The whole report with the escape sequences of ANSI terminals for colour.
     pub fn render_coloured(&self) -> String {
         let mut writer = termcolor::Ansi::new(Vec::new());
         self.render_to(&mut writer);
-        String::from_utf8_lossy(&writer.into_inner()).into_owned()
+        escape::text(&String::from_utf8_lossy(&writer.into_inner()), true).into_owned()
     }
 
     fn render_to(&self, writer: &mut impl termcolor::WriteColor) {
@@ -399,11 +413,12 @@ impl Error {
             let suffix = if label.is_empty() { String::new() } else { format!(": {label}") };
             match place {
                 Place::Text { file: name, text, span } => {
-                    let same = labels.is_empty() || (file.name() == name && file.source() == text);
+                    let name = escape::line(name).into_owned();
+                    let same = labels.is_empty() || (*file.name() == name && file.source() == text);
                     if same {
                         let style =
                             if labels.is_empty() { LabelStyle::Primary } else { LabelStyle::Secondary };
-                        file = SimpleFile::new(name.clone(), text.clone());
+                        file = SimpleFile::new(name, text.clone());
                         labels.push(Label::new(style, (), clamp_span(span, text)).with_message(label));
                     } else {
                         let line = text[..clamp_span(span, text).start].matches('\n').count() + 1;
@@ -411,11 +426,12 @@ impl Error {
                     }
                 }
                 Place::Word(offset) => notes.push(format!("at word {offset} of the module{suffix}")),
-                Place::Line { file, line, column: 0 } => notes.push(format!("at {file}:{line}{suffix}")),
                 Place::Line { file, line, column } => {
-                    notes.push(format!("at {file}:{line}:{column}{suffix}"))
+                    let file = escape::line(file);
+                    let column = if *column > 0 { format!(":{column}") } else { String::new() };
+                    notes.push(format!("at {file}:{line}{column}{suffix}"));
                 }
-                Place::File(path) => notes.push(format!("in {}{suffix}", path.display())),
+                Place::File(path) => notes.push(format!("in {}{suffix}", escape::path(&path))),
             }
         }
         notes.extend(self.0.notes.iter().cloned());
@@ -455,11 +471,11 @@ pub struct Warning {
 
 impl fmt::Display for Warning {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.file)?;
+        f.write_str(&escape::line(&self.file))?;
         for number in [self.line, self.column].into_iter().take_while(|&number| number > 0) {
             write!(f, ":{number}")?;
         }
-        write!(f, ": {}", self.message)
+        write!(f, ": {}", escape::line(&self.message))
     }
 }
 
@@ -482,12 +498,12 @@ impl fmt::Display for Error {
         for (place, _) in &self.0.places {
             match place {
                 Place::Word(offset) => write!(f, " (at word {offset})")?,
-                Place::Line { file, line, .. } => write!(f, " (at {file}:{line})")?,
+                Place::Line { file, line, .. } => write!(f, " (at {}:{line})", escape::line(file))?,
                 Place::Text { file, text, span } => {
                     let line = text[..clamp_span(span, text).start].matches('\n').count() + 1;
-                    write!(f, " (at {file}:{line})")?;
+                    write!(f, " (at {}:{line})", escape::line(file))?;
                 }
-                Place::File(path) => write!(f, " (in {})", path.display())?,
+                Place::File(path) => write!(f, " (in {})", escape::path(&path))?,
             }
         }
         for note in &self.0.notes {

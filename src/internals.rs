@@ -22,6 +22,7 @@ rooms! {
     debug
     #[cfg(feature = "cli")] drawing
     error
+    escape
     geometry
     harness
     input

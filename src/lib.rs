@@ -91,6 +91,7 @@ mod debug;
 #[cfg(feature = "cli")]
 mod drawing;
 mod error;
+mod escape;
 mod geometry;
 mod harness;
 mod input;

@@ -2,7 +2,7 @@
 //!
 //! `cli -> harness -> {debug, drawing, recording, stress, check_math} -> scene -> {sanitize,
 //! compile} -> pipeline -> interp -> program -> ops -> {module, machine -> accel} -> geometry ->
-//! math -> {input, atomic_file} -> error -> sorted`: a folder may import what stands to its right.
+//! math -> {input, atomic_file} -> error -> {escape, sorted}`: a folder may import what stands to its right.
 //! A few crates are named in one place only, readers of files in one file, files are written in one
 //! place, and only the command line prints.
 
@@ -28,7 +28,7 @@ const LAYERS: &[&[&str]] = &[
     &["math"],
     &["input", "atomic_file"],
     &["error"],
-    &["sorted"],
+    &["escape", "sorted"],
 ];
 
 /// Crates, and the modules that may name them.

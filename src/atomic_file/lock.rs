@@ -7,6 +7,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use crate::error::{Error, ErrorKind, Result};
+use crate::escape;
 
 /// How long a lock is waited for. It is held while one file is read and written.
 const PATIENCE: Duration = Duration::from_secs(60);
@@ -32,10 +33,10 @@ impl FileLock {
         }
         let message = format!(
             "{}: another process has held its lock for {} seconds",
-            path.display(),
+            escape::path(&path),
             PATIENCE.as_secs()
         );
-        Err(Error::new(ErrorKind::Io, message).note(format!("{} is as it was before", path.display())))
+        Err(Error::new(ErrorKind::Io, message).note(format!("{} is as it was before", escape::path(&path))))
     }
 }
 

@@ -26,6 +26,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use crate::error::{Error, Result};
+use crate::escape;
 use target::Target;
 use temporary::Temporary;
 
@@ -89,7 +90,7 @@ impl AtomicFile {
     /// `Io` where the path cannot be written, with a note on what it holds.
     pub(crate) fn create(path: &Path) -> Result<Self> {
         let way = Way::to(path).map_err(|error| {
-            Error::io(path, error).note(format!("nothing was written to {}", path.display()))
+            Error::io(path, error).note(format!("nothing was written to {}", escape::path(&path)))
         })?;
         Ok(Self { path: path.to_path_buf(), sync: true, way })
     }
@@ -146,7 +147,7 @@ enum Kept {
 
 impl Kept {
     fn note(&self, path: &Path) -> String {
-        let path = path.display();
+        let path = escape::path(&path);
         match self {
             Self::Old => format!("{path} is as it was before"),
             Self::Nothing => format!("{path} was not there, and is not"),

@@ -154,16 +154,17 @@ fn read_messages<R: Read>(input: R, sender: Sender<Incoming>, flags: &InterruptF
             Incoming::Message(message) => message.clone(),
             Incoming::Garbage(_) => Value::Null,
         };
-        // The flags are raised behind it: whoever sees them finds it.
+        flags.announce(Some(&message));
         let is_wanted = sender.send(incoming).is_ok();
-        flags.raise(Some(&message));
+        flags.raise();
         if !is_wanted || !goes_on {
             break;
         }
     }
     // Nobody waits for a run any more.
+    flags.announce(None);
     drop(sender);
-    flags.raise(None);
+    flags.raise();
 }
 
 /// Reads messages from an input.

@@ -11,6 +11,7 @@ use crate::cli::input::InputLimitArgs;
 use crate::cli::source::SourceArgs;
 use crate::cli::{module_file, output};
 use crate::error::{Error, ErrorKind, ErrorReport, Result};
+use crate::escape;
 use crate::harness::host_layout::compare::LayoutComparison;
 use crate::harness::host_layout::source::HostSource;
 use crate::harness::host_layout::{self, HostType};
@@ -94,14 +95,14 @@ fn inspect(args: InspectArgs) -> Result<Vec<Error>> {
     if args.json {
         print_json(&report, &path)?;
     } else {
-        output::print(format_args!("{}\n{}", path.display(), report.text()))?;
+        output::print(format_args!("{}\n{}", escape::path(&path), report.text()))?;
     }
     Ok(Vec::new())
 }
 
 fn print_json(value: &impl Serialize, path: &Path) -> Result<()> {
     let json = serde_json::to_string_pretty(value)
-        .map_err(|error| Error::new(ErrorKind::Io, format!("{}: {error}", path.display())))?;
+        .map_err(|error| Error::new(ErrorKind::Io, format!("{}: {error}", escape::path(&path))))?;
     output::print(format_args!("{json}\n"))
 }
 
@@ -115,7 +116,7 @@ fn print_layouts(module: &Module, path: &Path, name: Option<&str>, json: bool) -
         return print_json(&tables, path);
     }
     if tables.is_empty() {
-        return output::print(format_args!("{}: no struct has a layout\n", path.display()));
+        return output::print(format_args!("{}: no struct has a layout\n", escape::path(&path)));
     }
     let texts: Vec<String> = tables.iter().map(StructTable::text).collect();
     output::print(format_args!("{}", texts.join("\n")))
@@ -158,7 +159,7 @@ fn compare_layouts(
             }
             if found.is_empty() {
                 let message =
-                    format!("{} and {} declare no struct of the same name", path.display(), host.name());
+                    format!("{} and {} declare no struct of the same name", escape::path(&path), host.name());
                 return Err(Error::new(ErrorKind::InvalidArgument, message)
                     .note("name both: `--layout STRUCT --host-struct NAME`"));
             }

@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use clap::Args;
 
+use crate::cli::numbers;
 use crate::machine::{LaunchFuel, LaunchLimits};
 use crate::scene::RunLimits;
 
@@ -12,11 +13,12 @@ use crate::scene::RunLimits;
 #[command(next_help_heading = "Limits")]
 pub(super) struct LaunchLimitArgs {
     /// Instructions that all invocations of a launch may execute together, or none [default: of
-    /// `test` and `smoke` 2^30, or 2^21 for each invocation where that is more; else none]
+    /// `test` and `smoke` 2^30, or 2^21 for each invocation where that is more, at most 2^38; else
+    /// none]
     #[arg(long, value_name = "N", value_parser = fuel)]
     launch_fuel: Option<LaunchFuel>,
     /// Seconds that a launch may take, or none; what is ended then depends on the machine [default:
-    /// none]
+    /// of `test` 60, of `smoke` 30, else none]
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     timeout: Option<Duration>,
     /// Seconds that a batch of invocations which run together may take, or none; what is ended then
@@ -31,7 +33,7 @@ pub(super) struct LaunchLimitArgs {
 pub(super) struct LimitArgs {
     /// Instructions that an invocation may execute, counted at back edges, calls and stops
     /// [default: the scene's choice, or 268435456]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = numbers::from_one)]
     fuel: Option<u64>,
     #[command(flatten)]
     launch: LaunchLimitArgs,
@@ -90,7 +92,7 @@ fn callable_depth(text: &str) -> Result<u32, String> {
 fn fuel(text: &str) -> Result<LaunchFuel, String> {
     match text {
         "none" => Ok(LaunchFuel::of(u64::MAX)),
-        _ => text.parse().map(LaunchFuel::of).map_err(|_| "a number or `none` is needed".to_owned()),
+        _ => numbers::from_one(text).map(LaunchFuel::of).map_err(|why| format!("{why}, or `none`")),
     }
 }
 
@@ -98,8 +100,7 @@ fn seconds(text: &str) -> Result<Duration, String> {
     if text == "none" {
         return Ok(Duration::MAX);
     }
-    let number: f64 = text.parse().map_err(|_| "a number of seconds or `none` is needed".to_owned())?;
-    Duration::try_from_secs_f64(number).map_err(|error| error.to_string())
+    numbers::seconds(text).map_err(|why| format!("{why}, or `none`"))
 }
 
 #[cfg(test)]
@@ -112,7 +113,7 @@ mod tests {
         assert_eq!(fuel("none"), Ok(LaunchFuel::of(u64::MAX)));
         assert_eq!(seconds("0.25"), Ok(Duration::from_millis(250)));
         assert_eq!(seconds("none"), Ok(Duration::MAX));
-        for wrong in ["", "-1", "nan", "soon"] {
+        for wrong in ["", "0", "-1", "nan", "soon"] {
             assert!(seconds(wrong).is_err() && fuel(wrong).is_err(), "{wrong}");
         }
         assert_eq!(callable_depth("1"), Ok(1));

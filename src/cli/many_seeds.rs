@@ -5,11 +5,12 @@ use std::path::Path;
 
 use clap::{ArgGroup, Args};
 
+use crate::cli::numbers;
 use crate::cli::sanitize::SanitizeArgs;
 use crate::cli::stability::StabilityArgs;
 use crate::debug::session::ResolvedRequest;
 use crate::debug::shell;
-use crate::error::Result;
+use crate::error::{Error, ErrorKind, Result};
 use crate::harness::many_seeds::{FloatChoices, ManySeeds};
 use crate::sanitize::Findings;
 use crate::scene::{Assembled, ResolvedScene};
@@ -21,11 +22,11 @@ pub(super) struct ManySeedsArgs {
     /// Run N more times, and draw what the specifications leave open: the order of any-hit shaders
     /// and how often they run, which of two hits at equal t counts, and more; exit code 6 if an
     /// output depends on it
-    #[arg(long, value_name = "N", groups = ["checks", "seeds"])]
+    #[arg(long, value_name = "N", groups = ["checks", "seeds"], value_parser = numbers::from_one)]
     many_seeds: Option<u64>,
     /// Draw from the seeds A to B - 1 alone, a share of --many-seeds; with --perturb N: do the runs
     /// A + 1 to B of the N alone
-    #[arg(long, value_name = "A..B", groups = ["checks", "seeds"], value_parser = seed_range)]
+    #[arg(long, value_name = "A..B", groups = ["checks", "seeds"], value_parser = numbers::seed_range)]
     seed_range: Option<Range<u64>>,
     /// With --many-seeds: also draw which products of floats are added without being rounded, where
     /// neither NoContraction nor a fast-math mode forbids it
@@ -53,7 +54,8 @@ impl ManySeedsArgs {
     /// of rules are those that flags set.
     ///
     /// # Errors
-    /// `InvalidArgument` for a rule that does not exist.
+    /// `InvalidArgument` for a rule that does not exist, and where no seed of the range is below
+    /// the number.
     pub(super) fn given(
         &self,
         sanitize: &SanitizeArgs,
@@ -66,6 +68,9 @@ impl ManySeedsArgs {
         };
         let all = 0..self.many_seeds.unwrap_or(u64::MAX);
         let seeds = match &self.seed_range {
+            Some(range) if range.start >= all.end && self.is_requested(stability) => {
+                return Err(beyond("seed", range, "--many-seeds", all.end));
+            }
             Some(range) => range.start..range.end.min(all.end),
             None => all,
         };
@@ -121,6 +126,16 @@ impl ManySeedsArgs {
     }
 }
 
+/// The error of a range of which nothing is among what another flag counts.
+pub(super) fn beyond(what: &str, range: &Range<u64>, flag: &str, count: u64) -> Error {
+    let Range { start, end } = range;
+    let message = format!(
+        "`--seed-range {start}..{end}` has no {what} of `{flag} {count}`: they are 0 to {}",
+        count.saturating_sub(1)
+    );
+    Error::new(ErrorKind::InvalidArgument, message)
+}
+
 /// A command that is printed to be typed: a subcommand with its file and those flags that are
 /// given, each with its value.
 pub(super) fn command_line(
@@ -130,7 +145,7 @@ pub(super) fn command_line(
 ) -> String {
     let mut line = format!("anyhit {subcommand}");
     if let Some(file) = file {
-        line += &format!(" {}", shell::word(&file.display().to_string()));
+        line += &format!(" {}", shell::word(&file.to_string_lossy()));
     }
     for (flag, value) in flags {
         if let Some(value) = value {
@@ -138,11 +153,4 @@ pub(super) fn command_line(
         }
     }
     line
-}
-
-/// `A..B`
-pub(super) fn seed_range(text: &str) -> Result<Range<u64>, String> {
-    let number = |text: &str| text.parse::<u64>().map_err(|error| format!("{text:?}: {error}"));
-    let (first, end) = text.split_once("..").ok_or("it has the form A..B, as 0..64")?;
-    Ok(number(first)?..number(end)?)
 }

@@ -13,6 +13,7 @@ use crate::cli::smoke::modules;
 use crate::cli::stress;
 use crate::cli::suite_report::{ReportFormat, SuiteFiles, print_end, print_test, verdict};
 use crate::error::{Error, ErrorKind, Place, Result};
+use crate::escape;
 #[cfg(feature = "stress")]
 use crate::harness::shares::check_math::CheckMathResult;
 use crate::harness::shares::render::RenderResult;
@@ -158,7 +159,7 @@ impl MergeArgs {
         let picture = RenderResult::picture(results)?;
         write_picture(&file, &picture, results.whole().to_srgb)?;
         if self.output.is_none() {
-            output::hint(format_args!("the picture is in {}", file.display()));
+            output::hint(format_args!("the picture is in {}", escape::path(&file)));
         }
         Ok(())
     }

@@ -20,6 +20,7 @@ mod limits;
 mod many_seeds;
 mod merge;
 mod module_file;
+mod numbers;
 mod output;
 mod page_args;
 mod precision;

@@ -9,6 +9,7 @@ use crate::compile::{
 };
 use crate::debug::shell;
 use crate::error::{Error, ErrorKind, Place, Result};
+use crate::escape;
 use crate::input::{InputLimit, InputLimits, read_argument};
 use crate::module::{self, Module};
 
@@ -80,7 +81,7 @@ pub(super) fn compile(
 /// The error for text where SPIR-V's binary form is wanted.
 fn source_text(path: &Path, bytes: &[u8]) -> Option<Error> {
     let text = std::str::from_utf8(bytes).ok().filter(|text| !text.is_empty() && !text.contains('\0'))?;
-    let shown = path.display();
+    let shown = escape::path(&path);
     let typed = shell::word(&shown.to_string());
     let (what, note) = if text.contains("OpCapability") {
         ("SPIR-V assembly", format!("assemble it first: spirv-as {typed}"))

@@ -1,6 +1,5 @@
 //! Standard output, standard error and the names of written files.
 
-use std::borrow::Cow;
 use std::fmt::Display;
 use std::io::{ErrorKind, IsTerminal, Write, stderr, stdout};
 use std::path::PathBuf;
@@ -8,10 +7,11 @@ use std::path::PathBuf;
 use clap::builder::{PathBufValueParser, TypedValueParser};
 
 use crate::error::{Error, ErrorReport, Result, Warning};
+use crate::escape;
 use crate::machine::Printed;
 use crate::scene::image::PictureKind;
 
-/// Prints to standard output, control characters as [`visible`] shows them.
+/// Prints a report to standard output, hidden characters as [`escape::text`] shows them.
 ///
 /// A closed pipe (`anyhit inspect a.spv | head`) is no error: the command continues, and its exit
 /// code depends only on the command.
@@ -19,7 +19,16 @@ use crate::scene::image::PictureKind;
 /// # Errors
 /// `Io` where standard output cannot be written for another reason, a full disk say.
 pub(super) fn print(text: impl Display) -> Result<()> {
-    write_to(&mut stdout().lock(), text)
+    write_to(&mut stdout().lock(), &escape::text(&text.to_string(), stdout().is_terminal()))
+}
+
+/// Prints to standard output what may be commands to the runner of a workflow: those that this
+/// program gives it, and other text that was made safe.
+///
+/// # Errors
+/// As [`print`].
+pub(super) fn print_commands(text: impl Display) -> Result<()> {
+    write_to(&mut stdout().lock(), &escape::printed(&text.to_string(), false))
 }
 
 /// With `--json`, prints an error before which nothing was printed, as `{"errors": [...]}`, and
@@ -42,7 +51,8 @@ pub(super) fn printed(printed: &Printed) -> Result<bool> {
     let lines = printed.take();
     for line in &lines {
         let end = if line.text.ends_with('\n') { "" } else { "\n" };
-        print(format_args!("{}{end}", line.text))?;
+        let text = format!("{}{end}", line.text);
+        write_to(&mut stdout().lock(), &escape::printed(&text, stdout().is_terminal()))?;
     }
     Ok(!lines.is_empty())
 }
@@ -50,12 +60,12 @@ pub(super) fn printed(printed: &Printed) -> Result<bool> {
 /// Prints a hint for the user to standard error.
 pub(super) fn hint(text: impl Display) {
     // A hint that cannot be written is no reason to fail.
-    let _ = writeln!(stderr().lock(), "{}", visible(&text.to_string(), false));
+    let _ = writeln!(stderr().lock(), "{}", escape::text(&text.to_string(), false));
 }
 
 /// Prints notes to standard error, a line each.
 pub(super) fn notes(notes: &[String]) {
-    notes.iter().for_each(|note| hint(format_args!("note: {note}")));
+    notes.iter().for_each(|note| hint(format_args!("note: {}", escape::line(note))));
 }
 
 /// Prints what a compiler warned of to standard error, a line each.
@@ -75,7 +85,7 @@ pub(super) fn renamed_flag(old: &str, new: &str) {
 /// A message, if the extension is not `png`, `exr` or `raw`.
 pub(super) fn picture_file(path: PathBuf) -> std::result::Result<PathBuf, String> {
     if PictureKind::of(&path).is_none() {
-        let name = path.display();
+        let name = escape::path(&path);
         return Err(format!("a picture is written as .png, .exr or .raw, and `{name}` says otherwise"));
     }
     Ok(path)
@@ -96,7 +106,7 @@ pub(super) fn report(error: &Error) {
     let styled = !is_plain() && stderr().is_terminal();
     let text = if styled { error.render_coloured() } else { error.render() };
     // There is no other stream to report that standard error cannot be written.
-    let _ = stderr().lock().write_all(visible(&text, styled).as_bytes());
+    let _ = stderr().lock().write_all(text.as_bytes());
 }
 
 /// Prints what clap answers: the help and the version to standard output, mistakes to standard
@@ -110,51 +120,8 @@ pub(super) fn command_line(answer: &clap::Error) -> Result<()> {
     if answer.use_stderr() { Ok(()) } else { judged(printed) }
 }
 
-fn write_to(to: &mut impl Write, text: impl Display) -> Result<()> {
-    let text = text.to_string();
-    let text = visible(&text, stdout().is_terminal());
+fn write_to(to: &mut impl Write, text: &str) -> Result<()> {
     judged(to.write_all(text.as_bytes()).and_then(|()| to.flush()))
-}
-
-/// A text of which nothing moves the cursor, renames the window or changes the order of letters:
-/// names, sources and what shaders print may be somebody else's. Control characters other than line
-/// feeds and tabs, and those that reorder a line, are shown as in `\u001b`, which means the same in
-/// JSON; where the text may be styled, sequences of colours and weights stay.
-fn visible(text: &str, styled: bool) -> Cow<'_, str> {
-    let is_hidden = |c: char| {
-        c.is_control() && c != '\n' && c != '\t'
-            || matches!(c, '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
-    };
-    let mut out = String::new();
-    let mut rest = text;
-    while let Some(at) = rest.find(is_hidden) {
-        let (before, found) = rest.split_at(at);
-        out.push_str(before);
-        rest = match style_of(found).filter(|_| styled) {
-            Some(length) => {
-                out.push_str(&found[..length]);
-                &found[length..]
-            }
-            None => {
-                let mut letters = found.chars();
-                let letter = letters.next().unwrap_or_default();
-                out.push_str(&format!("\\u{:04x}", u32::from(letter)));
-                letters.as_str()
-            }
-        };
-    }
-    if out.is_empty() {
-        return Cow::Borrowed(rest);
-    }
-    out.push_str(rest);
-    Cow::Owned(out)
-}
-
-/// The length of the sequence that selects a style (`SGR` of ECMA-48) at the start of a text.
-fn style_of(text: &str) -> Option<usize> {
-    let parameters = text.strip_prefix("\u{1b}[")?;
-    let end = parameters.find(|c: char| !c.is_ascii_digit() && c != ';')?;
-    parameters[end..].starts_with('m').then_some(2 + end + 1)
 }
 
 fn judged(printed: std::io::Result<()>) -> Result<()> {
@@ -179,17 +146,6 @@ mod tests {
         fn flush(&mut self) -> io::Result<()> {
             Err(self.0.into())
         }
-    }
-
-    #[test]
-    fn what_others_wrote_controls_no_terminal() {
-        // Colours, a title of the window, a way back to the start of the line, and one to the left.
-        let text = "a\u{1b}[1;31mred\u{1b}[0m\tb\n\u{1b}]0;title\u{7}\rc\u{202e}d\u{9b}2J";
-        let hidden = r"\u001b]0;title\u0007\u000dc\u202ed\u009b2J";
-        assert_eq!(visible(text, true), format!("a\u{1b}[1;31mred\u{1b}[0m\tb\n{hidden}"));
-        assert_eq!(visible(text, false), format!("a\\u001b[1;31mred\\u001b[0m\tb\n{hidden}"));
-        assert_eq!(visible("\u{1b}[2", true), r"\u001b[2");
-        assert!(matches!(visible("plain: ü\n", false), Cow::Borrowed("plain: ü\n")));
     }
 
     #[test]

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 
 use crate::atomic_file;
+use crate::cli::numbers;
 use crate::debug::line_recorder::FollowedRuns;
 use crate::debug::render::PageFilter;
 use crate::debug::{Session, Transcript};
@@ -32,7 +33,7 @@ pub(super) struct PageArgs {
     #[arg(long, value_enum, value_name = "SHADERS")]
     locals: Option<Locals>,
     /// Show only rays at this depth: 1 for those of ray generation
-    #[arg(long, value_name = "N", conflicts_with_all = ["json", "interactive"])]
+    #[arg(long, value_name = "N", conflicts_with_all = ["json", "interactive"], value_parser = numbers::from_one_u32)]
     depth: Option<u32>,
     /// Show only this ray of the outermost shader, counted from 0 in the order in which it traces
     /// them (ray queries count, too), with all that followed from it
@@ -114,7 +115,7 @@ fn picture(text: &str) -> std::result::Result<PathBuf, String> {
 /// A file and a line: `main.rgen:19`.
 fn line(text: &str) -> std::result::Result<(String, u32), String> {
     let (file, line) = text.rsplit_once(':').ok_or("not FILE:LINE, for example `main.rgen:19`")?;
-    let line = line.parse().map_err(|_| format!("`{line}` is not the number of a line"))?;
+    let line = numbers::from_one_u32(line).map_err(|_| format!("`{line}` is not the number of a line"))?;
     if file.is_empty() {
         return Err("the file is missing before `:`".to_owned());
     }
@@ -129,6 +130,11 @@ mod tests {
     fn a_line_is_a_file_and_a_number() {
         assert_eq!(line("main.rgen:19"), Ok(("main.rgen".to_owned(), 19)));
         assert_eq!(line("C:/a.rgen:3"), Ok(("C:/a.rgen".to_owned(), 3)));
-        assert!(line("main.rgen").is_err() && line("main.rgen:x").is_err() && line(":3").is_err());
+        assert!(
+            line("main.rgen").is_err()
+                && line("main.rgen:x").is_err()
+                && line("main.rgen:0").is_err()
+                && line(":3").is_err()
+        );
     }
 }

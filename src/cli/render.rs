@@ -20,6 +20,7 @@ use crate::cli::stability::StabilityArgs;
 use crate::cli::{output, precision, stats};
 use crate::debug::shell;
 use crate::error::{Error, ErrorKind, Place, Result};
+use crate::escape;
 use crate::geometry::Precision;
 use crate::harness::shares::render::RenderWhole;
 use crate::harness::stability::deep_copy;
@@ -133,7 +134,7 @@ pub(super) fn run(args: RenderArgs) -> Result<()> {
         let bands = shared_bands(&args, &resolved, &assembled, output, &streamed)?;
         let [width, height, _] = assembled.size;
         let whole = RenderWhole {
-            scene: resolved.path.display().to_string(),
+            scene: escape::path(&resolved.path).to_string(),
             variant: args.variant.variant.clone(),
             precision: args.precision.map(|precision| precision.name().to_owned()),
             size: [width, height],
@@ -211,7 +212,7 @@ pub(super) fn run(args: RenderArgs) -> Result<()> {
         return args.sanitize.finish([None, drawn], Ok(launch_stats)).map(|_| ());
     }
     if args.output.is_none() {
-        output::hint(format_args!("the picture is in {}", file.display()));
+        output::hint(format_args!("the picture is in {}", escape::path(&file)));
     }
     if args.stats {
         output::print(stats::table(&launch_stats, load_time, launch_time))?;
@@ -343,7 +344,7 @@ fn load(args: &RenderArgs, streams: bool) -> Result<ResolvedScene> {
 
 /// The error for a scene that dispatches compute shaders and launches no ray generation shader.
 fn compute_only(scene: &ResolvedScene) -> Error {
-    let path = shell::word(&scene.path.display().to_string());
+    let path = shell::word(&scene.path.to_string_lossy());
     let save = match scene.output() {
         Some(output) => {
             // A name ends at the first `=`.

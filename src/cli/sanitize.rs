@@ -68,7 +68,7 @@ impl FindingFormat {
             Self::Text => Ok(()),
             Self::Json => output::print(format_args!("{}\n", formats::json(findings))),
             Self::Sarif => output::print(format_args!("{}\n", formats::sarif(findings))),
-            Self::Github => output::print(formats::github(findings)),
+            Self::Github => output::print_commands(formats::github(findings)),
         }
     }
 }

@@ -10,6 +10,7 @@ use crate::cli::output;
 use crate::cli::source::SourceArgs;
 use crate::debug::shell;
 use crate::error::Result;
+use crate::escape;
 use crate::harness::init;
 use crate::machine::LaunchLimits;
 
@@ -38,7 +39,7 @@ pub(super) fn run(args: SceneArgs) -> Result<()> {
     let limits = args.limits.limits(LaunchLimits::TESTS);
     let written = init::scene(&args.init, &args.output, &args.files.files()?, &limits, &args.how.words())?;
     output::warnings(&written.warnings);
-    let (path, command) = (written.path.display(), written.command);
+    let (path, command) = (escape::path(&written.path), written.command);
     let typed = shell::word(&path.to_string());
     output::print(match written.failure {
         None => format!("{path}: written\nrun it: anyhit {command} {typed}\n"),

@@ -15,8 +15,9 @@ use crate::cli::share::ShareArgs;
 use crate::cli::smoke::modules::ModulesToRun;
 use crate::cli::smoke::verdict::{JsonReport, verdict};
 use crate::cli::source::SourceArgs;
-use crate::cli::{module_file, output};
+use crate::cli::{module_file, numbers, output};
 use crate::error::{Error, ErrorKind, ErrorReport, Result};
+use crate::escape;
 use crate::harness::smoke::{SmokeOptions, SmokeReport};
 use crate::machine::LaunchLimits;
 
@@ -45,17 +46,17 @@ pub(super) struct SmokeArgs {
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
     /// Instructions that an invocation may execute, counted at back edges, calls and stops
-    #[arg(long, value_name = "N", default_value_t = SmokeOptions::default().fuel)]
+    #[arg(long, value_name = "N", default_value_t = SmokeOptions::default().fuel, value_parser = numbers::from_one)]
     fuel: u64,
     /// The old name of `--fuel`.
-    #[arg(long, value_name = "N", hide = true, conflicts_with = "fuel")]
+    #[arg(long, value_name = "N", hide = true, conflicts_with = "fuel", value_parser = numbers::from_one)]
     budget: Option<u64>,
     /// Operations that all runs of an entry point may execute, counted once for all lanes of a
     /// batch, before no further set of values is tried
-    #[arg(long, value_name = "N", default_value_t = SmokeOptions::default().total_fuel)]
+    #[arg(long, value_name = "N", default_value_t = SmokeOptions::default().total_fuel, value_parser = numbers::from_one)]
     total_fuel: u64,
     /// Try no further sets of values after this time; the report then depends on the machine
-    #[arg(long, value_name = "SECONDS", value_parser = seconds)]
+    #[arg(long, value_name = "SECONDS", value_parser = numbers::seconds)]
     seconds: Option<Duration>,
     #[command(flatten)]
     launch_limits: LaunchLimitArgs,
@@ -71,11 +72,6 @@ pub(super) struct SmokeArgs {
     jobs: Option<u16>,
     #[command(flatten)]
     share: ShareArgs,
-}
-
-fn seconds(text: &str) -> std::result::Result<Duration, String> {
-    let number: f64 = text.parse().map_err(|_| "a number of seconds is needed".to_owned())?;
-    Duration::try_from_secs_f64(number).map_err(|error| error.to_string())
 }
 
 fn percent(text: &str) -> std::result::Result<f64, String> {
@@ -120,7 +116,7 @@ pub(super) fn run(args: SmokeArgs) -> Result<()> {
     if args.json {
         let errors = verdict.as_ref().err().map_or_else(Vec::new, ErrorReport::all);
         let json = serde_json::to_string_pretty(&JsonReport { report: &report, errors })
-            .map_err(|error| Error::new(ErrorKind::Io, format!("{}: {error}", path.display())))?;
+            .map_err(|error| Error::new(ErrorKind::Io, format!("{}: {error}", escape::path(&path))))?;
         output::print(format_args!("{json}\n"))?;
     } else {
         output::print(report.text())?;

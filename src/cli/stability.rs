@@ -4,7 +4,8 @@ use std::ops::Range;
 
 use clap::Args;
 
-use crate::cli::output;
+use crate::cli::many_seeds::beyond;
+use crate::cli::{numbers, output};
 use crate::debug::session::ResolvedRequest;
 use crate::error::{Error, ErrorKind, Result};
 use crate::harness::stability::perturb::perturb_one;
@@ -32,7 +33,7 @@ pub(super) struct StabilityArgs {
     #[arg(long, value_name = "WHOSE", default_value = "vulkan", value_parser = ["vulkan", "nvidia"], requires = "perturb")]
     envelope: String,
     /// With --perturb: the relative tolerance of floats, an absolute one below 1 [default: 0.01]
-    #[arg(long, value_name = "X", requires = "perturb")]
+    #[arg(long, value_name = "X", requires = "perturb", value_parser = numbers::not_negative)]
     tolerance: Option<f64>,
 }
 
@@ -54,17 +55,25 @@ impl StabilityArgs {
 
     /// The perturbation of `--perturb`, `--seed`, `--envelope` and `--tolerance`: of its runs those
     /// that `range` counts from 0.
-    pub(super) fn perturbation(&self, range: Option<&Range<u64>>) -> Option<Perturbation> {
+    ///
+    /// # Errors
+    /// `InvalidArgument` where the range has none of them.
+    pub(super) fn perturbation(&self, range: Option<&Range<u64>>) -> Result<Option<Perturbation>> {
+        if let (Some(range), Some(runs)) = (range, self.perturb)
+            && range.start >= runs.into()
+        {
+            return Err(beyond("run", range, "--perturb", runs.into()));
+        }
         let envelope = if self.envelope == "nvidia" { Envelope::Nvidia } else { Envelope::Vulkan };
         let tolerance = self.tolerance.unwrap_or(Perturbation::default().tolerance);
-        self.perturb.map(|runs| {
+        Ok(self.perturb.map(|runs| {
             let number = |number: u64| u32::try_from(number).unwrap_or(u32::MAX);
             let (first_run, runs) = match range {
                 Some(range) => (number(range.start).saturating_add(1), runs.min(number(range.end))),
                 None => (1, runs),
             };
             Perturbation { runs, first_run, seed: self.seed, envelope, tolerance }
-        })
+        }))
     }
 
     /// Runs a whole launch or one ray as `--shadow` or `--perturb` requests, `range` as in
@@ -80,7 +89,7 @@ impl StabilityArgs {
         json: bool,
         range: Option<&Range<u64>>,
     ) -> Result<()> {
-        if let Some(perturbation) = self.perturbation(range) {
+        if let Some(perturbation) = self.perturbation(range)? {
             return perturbed(scene, assembled, one, json, &perturbation);
         }
         let (found, trap) = match one {

@@ -7,10 +7,11 @@ use std::time::{Duration, Instant};
 
 use crate::atomic_file;
 use crate::cli::input::SceneFileArgs;
-use crate::cli::many_seeds::seed_range;
+use crate::cli::numbers::{minutes, seed_range};
 use crate::cli::share::ShareArgs;
 use crate::cli::{output, precision};
 use crate::error::{Error, ErrorKind, Result};
+use crate::escape;
 use crate::geometry::Precision;
 use crate::harness::shares::ShareResults;
 use crate::harness::shares::stress::{StressFailure, StressResult, StressWhole};
@@ -132,6 +133,7 @@ fn needs_cases() -> Error {
 /// # Errors
 /// As [`run`].
 pub(super) fn print_merged(results: &ShareResults<StressResult>, save: &Path) -> Result<()> {
+    StressResult::check_shares(results)?;
     output::print(heading(results.whole()))?;
     print_end(&StressResult::of_shares(results), save, false)
 }
@@ -157,7 +159,7 @@ fn print_end(result: &StressResult, folder: &Path, with_times: bool) -> Result<(
             found.family,
             found.failure,
             found.case,
-            path.display()
+            escape::path(&path)
         ))?;
     }
     if result.wrong == 0 { Ok(()) } else { Err(wrong_answers(result.wrong)) }
@@ -189,14 +191,6 @@ fn run_scene(path: &Path, files: &SceneFileArgs, settings: &StressSettings) -> R
 
 fn wrong_answers(count: u64) -> Error {
     Error::new(ErrorKind::Expectation, format!("{count} wrong answers"))
-}
-
-fn minutes(text: &str) -> std::result::Result<Duration, String> {
-    text.parse::<f64>()
-        .ok()
-        .filter(|&minutes| minutes > 0.0)
-        .and_then(|minutes| Duration::try_from_secs_f64(minutes * 60.0).ok())
-        .ok_or_else(|| format!("`{text}` is not a positive number of minutes"))
 }
 
 /// Prints a line of progress every ten seconds; holds when it printed the last.
@@ -242,7 +236,7 @@ fn table(result: &StressResult, with_times: bool) -> String {
 }
 
 fn save(folder: &Path, found: &StressFailure) -> Result<PathBuf> {
-    std::fs::create_dir_all(folder).map_err(|error| Error::io(folder.display().to_string(), error))?;
+    std::fs::create_dir_all(folder).map_err(|error| Error::io(escape::path(&folder).to_string(), error))?;
     let StressFailure { seed, number, family, failure, case } = found;
     let path = folder.join(format!("{family}-{seed}-{number}.toml"));
     let text = format!("# {failure}\n# Found by `anyhit stress --seed {seed}`, case {number}.\n{case}");

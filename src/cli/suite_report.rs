@@ -9,6 +9,7 @@ use crate::atomic_file;
 use crate::cli::output;
 use crate::cli::sanitize::FindingFormat;
 use crate::error::{Error, ErrorClass, ErrorKind, Result};
+use crate::escape;
 use crate::harness::suite::{Ended, KeptFinding, SuiteResult, SuiteWhole, TestResult, junit, report};
 use crate::sanitize::FindingRecord;
 
@@ -64,8 +65,13 @@ pub(super) fn print_test(test: &TestResult, format: ReportFormat) -> Result<()> 
         ReportFormat::Json => Ok(()),
         ReportFormat::Plain => output::print(&test.text),
         ReportFormat::Github => {
-            let annotation = test.annotation.as_deref().unwrap_or_default();
-            output::print(format_args!("{}{annotation}", report::github_log(&test.text)))
+            let annotation = test.annotation.as_deref().map(escape::workflow_annotation);
+            let log = escape::printed(&test.text, false);
+            output::print_commands(format_args!(
+                "{}{}",
+                escape::workflow_log(&log),
+                annotation.unwrap_or_default()
+            ))
         }
     }
 }

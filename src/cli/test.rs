@@ -15,6 +15,7 @@ use crate::cli::stability::StabilityArgs;
 use crate::cli::suite_report::{ReportFormat, SuiteFiles, print_end, print_test, records_of, verdict};
 use crate::debug::shell;
 use crate::error::{Error, ErrorKind, Result};
+use crate::escape;
 use crate::harness::init;
 use crate::harness::shares::{Shard, ShareResults, Timings, fingerprint};
 use crate::harness::suite::{EXPLAINED_LINES, Suite, SuiteOptions, SuiteResult, SuiteWhole, report};
@@ -172,8 +173,8 @@ fn bazel_shard() -> Result<Option<Shard>> {
         _ => {
             let message = format!(
                 "TEST_SHARD_INDEX is `{}` and TEST_TOTAL_SHARDS is `{}`: an index from 0, and how many there are",
-                index.display(),
-                of.display()
+                escape::path(&index),
+                escape::path(&of)
             );
             return Err(Error::new(ErrorKind::InvalidArgument, message));
         }
@@ -204,7 +205,7 @@ fn whole(
     ];
     let mut options: Vec<String> =
         given.iter().filter(|(given, _)| *given).map(|(_, flag)| (*flag).to_owned()).collect();
-    let perturbation = args.stability.perturbation(args.many_seeds.perturbed_runs());
+    let perturbation = args.stability.perturbation(args.many_seeds.perturbed_runs())?;
     if let Some(perturbation) = &perturbation {
         options.push(format!("--tolerance {}", perturbation.tolerance));
     }
@@ -246,7 +247,7 @@ fn execute(args: &TestArgs, suite: &Suite, known: Option<String>) -> Result<Suit
         fail_fast: args.fail_fast,
         coverage: args.coverage.is_some(),
         shadow: args.stability.shadow(),
-        perturb: args.stability.perturbation(args.many_seeds.perturbed_runs()),
+        perturb: args.stability.perturbation(args.many_seeds.perturbed_runs())?,
         sanitize: args.sanitize.is_requested().then(|| args.sanitize.given_levels()).transpose()?,
         many_seeds: args.many_seeds.given(&args.sanitize, &args.stability)?,
         known,
@@ -266,7 +267,7 @@ fn execute(args: &TestArgs, suite: &Suite, known: Option<String>) -> Result<Suit
 }
 
 fn no_tests(args: &TestArgs, found: usize) -> Error {
-    let paths: Vec<String> = args.paths.iter().map(|path| path.display().to_string()).collect();
+    let paths: Vec<String> = args.paths.iter().map(|path| escape::path(&path).to_string()).collect();
     let message = match found {
         0 => format!("no tests in {}", paths.join(", ")),
         found => format!("none of the {found} tests has \"{}\" in its name", args.filter.join("\" or \"")),
@@ -291,8 +292,8 @@ fn init_case(args: &TestArgs) -> Result<()> {
         // The folder stands before a module.
         [folder, rest @ ..] if rest.iter().any(|path| path.is_file()) => {
             let files = modules.iter().chain(rest.iter().filter(|path| path.is_file()));
-            let words = files.chain([folder]).map(|path| shell::word(&path.display().to_string()));
-            let message = format!("`{}` is no module", folder.display());
+            let words = files.chain([folder]).map(|path| shell::word(&path.to_string_lossy()));
+            let message = format!("`{}` is no module", escape::path(folder));
             let command = format!("anyhit test --init {}", words.collect::<Vec<_>>().join(" "));
             return Err(Error::new(ErrorKind::InvalidArgument, message)
                 .note(format!("the folder to make stands last; did you mean `{command}`?")));
@@ -308,7 +309,7 @@ fn init_case(args: &TestArgs) -> Result<()> {
     };
     let (files, limits) = (args.files.files()?, args.limits.limits(LaunchLimits::TESTS));
     let written = init::case(&modules, &folder, &files, &limits)?;
-    let (path, folder) = (written.path.display(), shell::word(&folder.display().to_string()));
+    let (path, folder) = (escape::path(&written.path), shell::word(&folder.to_string_lossy()));
     let Some(failure) = written.failure else {
         return output::print(format_args!(
             "{path}: written; it passes, because its values are recorded from a first run\nrun it: anyhit test {folder}\n"

@@ -16,7 +16,7 @@ use crate::cli::page_args::PageArgs;
 use crate::cli::render::size;
 use crate::cli::sanitize::SanitizeArgs;
 use crate::cli::stability::StabilityArgs;
-use crate::cli::{output, precision};
+use crate::cli::{numbers, output, precision};
 use crate::debug::Transcript;
 use crate::debug::command;
 #[cfg(feature = "debugger")]
@@ -90,10 +90,10 @@ pub(super) struct TraceOneRayArgs {
     #[arg(long)]
     all: bool,
     /// With --ray: start of the ray's interval
-    #[arg(long, value_name = "T", requires = "ray", allow_hyphen_values = true)]
+    #[arg(long, value_name = "T", requires = "ray", allow_hyphen_values = true, value_parser = numbers::float)]
     t_min: Option<f32>,
     /// With --ray: end of the ray's interval
-    #[arg(long, value_name = "T", requires = "ray", allow_hyphen_values = true)]
+    #[arg(long, value_name = "T", requires = "ray", allow_hyphen_values = true, value_parser = numbers::float)]
     t_max: Option<f32>,
     /// With --ray: ray flags by name, or a number
     #[arg(long, value_name = "FLAGS", requires = "ray")]
@@ -102,7 +102,7 @@ pub(super) struct TraceOneRayArgs {
     #[arg(long, value_name = "MASK", requires = "ray", value_parser = unsigned)]
     cull_mask: Option<u32>,
     /// With --ray: its time, from 0 to 1, where instances or vertices move [default: 0]
-    #[arg(long, value_name = "TIME", requires = "ray")]
+    #[arg(long, value_name = "TIME", requires = "ray", allow_hyphen_values = true, value_parser = numbers::ray_time)]
     time: Option<f32>,
     /// With --ray: SBT offset [default: 0]
     #[arg(long, value_name = "N", requires = "ray", value_parser = unsigned)]

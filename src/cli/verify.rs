@@ -7,8 +7,9 @@ use clap::{Args, ValueEnum};
 use serde::Serialize;
 
 use crate::cli::input::InputLimitArgs;
-use crate::cli::output;
+use crate::cli::{numbers, output};
 use crate::error::{Error, ErrorKind, ErrorReport, Result};
+use crate::escape;
 use crate::input::{InputLimit, read_argument, read_regular};
 use crate::recording::compare::{AgainstDriver, Agreement, HitComparison};
 use crate::recording::{Comparison, Recording};
@@ -42,7 +43,7 @@ pub(super) struct VerifyArgs {
     max_other: Option<usize>,
     /// The greatest error of t, in units in the last place; t of boxes is computed by the recorded
     /// shader and not checked
-    #[arg(long, value_name = "ULP")]
+    #[arg(long, value_name = "ULP", value_parser = numbers::not_negative)]
     max_ulp: Option<f64>,
 }
 
@@ -91,8 +92,10 @@ pub(super) fn run(args: VerifyArgs) -> Result<()> {
         };
         match bytes.and_then(|bytes| Recording::of_file(&path, &bytes)) {
             Ok(recording) => {
-                files
-                    .push(VerifiedFile { file: path.display().to_string(), comparison: recording.compare() });
+                files.push(VerifiedFile {
+                    file: escape::path(&path).to_string(),
+                    comparison: recording.compare(),
+                });
             }
             Err(error) => errors.push(error),
         }
@@ -170,7 +173,7 @@ fn recordings(paths: &[PathBuf]) -> Result<Vec<(PathBuf, bool)>> {
         let before = all.len();
         collect(path, &mut all)?;
         if all.len() == before {
-            let message = format!("{}: no `.safetensors` file in this folder", path.display());
+            let message = format!("{}: no `.safetensors` file in this folder", escape::path(&path));
             return Err(Error::new(ErrorKind::InvalidArgument, message));
         }
         sort(&mut all[before..]);

@@ -23,6 +23,7 @@ use super::source::hash::bytes_hash;
 use super::{CompileOptions, Language, Source, tool};
 use crate::atomic_file;
 use crate::error::{Error, ErrorKind, Place, Result};
+use crate::escape;
 use crate::sorted::{SortedMap, sort, sort_by};
 
 /// The folder of most sources, in the root of the repository.
@@ -259,7 +260,7 @@ fn read_records(folder: &Path) -> Result<Records> {
     let text = fs::read_to_string(&path).map_err(|error| Error::io(&path, error))?;
     toml::from_str(&text).map_err(|error| {
         let place = Place::Text {
-            file: path.display().to_string(),
+            file: escape::path(&path).to_string(),
             text: text.as_str().into(),
             span: error.span().unwrap_or(0..0),
         };

@@ -7,6 +7,7 @@ use super::language::{extension, unknown_stage};
 use super::message::{self, Severity};
 use super::{CompileOptions, Compiled, DebugInfoLevel, Optimize, Source};
 use crate::error::{Error, ErrorKind, Result};
+use crate::escape;
 use crate::module::interface::Stage;
 
 /// The environment variable that names the tool to use, also where glslang is built in.
@@ -79,7 +80,7 @@ pub(super) fn compile(source: &Source, stage: Stage, options: &CompileOptions) -
     // The source is valid, but the tool is too old for it.
     if let Some(diagnostic) = diagnostics.iter().find(|diagnostic| diagnostic.text.contains(UNKNOWN)) {
         let message =
-            format!("{} cannot compile {}: {}", tool.path.display(), source.name(), diagnostic.text);
+            format!("{} cannot compile {}: {}", escape::path(&tool.path), source.name(), diagnostic.text);
         let error = Error::new(ErrorKind::UnsupportedTool, message);
         return Err(error.note("a newer glslang may, and so does anyhit's own (`--features glsl`)"));
     }

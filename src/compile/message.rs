@@ -56,7 +56,7 @@ pub(super) fn error(source: &Source, diagnostics: Vec<CompilerDiagnostic>, outpu
         let message = output.trim().lines().next().unwrap_or("the compiler failed and said nothing");
         let rest = output.trim().lines().skip(1).collect::<Vec<_>>().join("\n");
         let error = Error::new(ErrorKind::InvalidSource, format!("{}: {message}", source.name()));
-        return if rest.is_empty() { error } else { error.note(rest) };
+        return if rest.is_empty() { error } else { error.note_lines(rest) };
     }
     let files = source.closure();
     let errors = diagnostics.into_iter().map(|diagnostic| {

@@ -8,6 +8,7 @@ use super::{
     compile_once_with_warnings,
 };
 use crate::error::{ErrorKind, Place, Result};
+use crate::escape;
 use crate::input::{InputLimit, InputLimits, RootFolder, read_argument};
 use crate::module::{Module, load, load_with};
 
@@ -66,7 +67,7 @@ impl Module {
         if let Some(settings) = settings.filter(|_| text) {
             limits
                 .check(InputLimit::SourceBytes, bytes.len() as u64, ErrorKind::InvalidArgument)
-                .map_err(|error| error.context(path.display()))?;
+                .map_err(|error| error.context(escape::path(&path)))?;
             let language = settings.language(&path.to_string_lossy())?;
             let source =
                 Source::from_bytes(language, path, bytes)?.include_folders(&settings.include_folders);

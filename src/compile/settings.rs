@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use super::language::unknown_language;
 use super::{CompileOptions, CompilerFlags, Language, LanguageName, SourceEntryPoint};
 use crate::error::{Error, ErrorKind, Result};
+use crate::escape;
 use crate::module::interface::Stage;
 
 /// How one source is compiled, checked for its language.
@@ -64,7 +65,7 @@ impl SourceWords {
     /// is not given.
     pub fn settings(&self, path: &Path) -> Result<Option<SourceSettings>> {
         let invalid =
-            |text: String| Error::new(ErrorKind::InvalidArgument, format!("{}: {text}", path.display()));
+            |text: String| Error::new(ErrorKind::InvalidArgument, format!("{}: {text}", escape::path(&path)));
         if path.extension().is_some_and(|extension| extension == "spv") {
             return Ok(None);
         }
@@ -76,7 +77,7 @@ impl SourceWords {
         }
         let entry_point = SourceEntryPoint::said(language, self.entry.as_deref(), self.stage);
         let flags = CompilerFlags::of(language, &self.flags);
-        let flags = flags.map_err(|error| error.context(path.display()))?;
+        let flags = flags.map_err(|error| error.context(escape::path(&path)))?;
         let of_flags = flags.include_folders().iter().map(PathBuf::from);
         let include_folders = self.include_folders.iter().cloned().chain(of_flags).collect();
         Ok(Some(SourceSettings { language: Some(language), entry_point, include_folders, flags }))

@@ -11,6 +11,7 @@ use std::sync::Arc;
 
 use super::language::{Language, unknown_language};
 use crate::error::{Error, ErrorClass, ErrorKind, Result};
+use crate::escape;
 use crate::input::{InputLimit, InputLimits, RootFolder, is_stream, read_argument, read_regular};
 use crate::sorted::SortedMap;
 
@@ -267,7 +268,7 @@ fn read_text(path: &Path, limits: &InputLimits) -> Result<String> {
 fn text_of(path: &Path, bytes: Vec<u8>) -> Result<String> {
     String::from_utf8(bytes).map_err(|error| {
         let offset = error.utf8_error().valid_up_to();
-        let text = format!("{}: not UTF-8 from byte {offset} on", path.display());
+        let text = format!("{}: not UTF-8 from byte {offset} on", escape::path(&path));
         Error::new(ErrorKind::InvalidSource, text)
     })
 }

@@ -7,6 +7,7 @@ use crate::debug::session::{ExplainRequest, Session, count_events, invalid, run_
 use crate::debug::summary;
 use crate::debug::transcript::{DispatchIndex, MemoryChange, Transcript, VERSION};
 use crate::error::{Error, ErrorReport, Result};
+use crate::escape;
 use crate::math::array;
 use crate::pipeline::{Event, Pipeline, RunPart};
 use crate::scene::pass::{Dispatch, Pass, PassWork};
@@ -109,7 +110,7 @@ impl Session {
         let root = root.ok_or_else(|| invalid("a limit ended the workgroup before the invocation began"))?;
         let mut transcript = Transcript {
             version: VERSION,
-            scene: self.scene.path.display().to_string(),
+            scene: escape::path(&self.scene.path).to_string(),
             ray_name: None,
             pass: (!self.scene.passes.is_empty()).then(|| pass.key(at)),
             launch: None,

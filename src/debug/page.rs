@@ -2,6 +2,8 @@
 
 use std::fmt::Display;
 
+use crate::escape;
+
 /// The role of a piece of text; a terminal shows it by colour.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum TextStyle {
@@ -51,9 +53,10 @@ impl Page {
         format!("\u{1b}[{code}m{text}\u{1b}[0m")
     }
 
-    /// Writes a line.
+    /// Writes a line. Line feeds and other hidden characters in it are escapes.
     pub(crate) fn line(&mut self, text: impl Display) {
         let text = text.to_string();
+        let text = if self.colour { escape::styled_line(&text) } else { escape::line(&text) };
         let guides = self.guides.concat();
         let guides = if text.is_empty() { guides.trim_end() } else { &guides };
         let line = format!("{}{}\n", self.styled_guides(guides), text.trim_end());

@@ -12,6 +12,7 @@ use crate::debug::reader::EventReader;
 use crate::debug::summary;
 use crate::debug::transcript::{LaunchIndex, RunCounts, Transcript, VERSION};
 use crate::error::{Error, ErrorKind, ErrorReport, Result};
+use crate::escape;
 use crate::geometry::Ray;
 use crate::machine::{RayQueryEvent, RayQueryStep, Resources};
 use crate::pipeline::{Event, Launch, Stats};
@@ -151,7 +152,7 @@ impl Session {
             snapshot.changes(&self.scene, &single.pipeline, all, &single.pass, id);
         let mut transcript = Transcript {
             version: VERSION,
-            scene: self.scene.path.display().to_string(),
+            scene: escape::path(&self.scene.path).to_string(),
             ray_name,
             pass: single.told(),
             launch,

@@ -15,6 +15,7 @@ use serde::Serialize;
 
 use crate::drawing::heat_map::{HeatMap, HeatScale, colour};
 use crate::error::Result;
+use crate::escape;
 use crate::scene::image::Rgba8;
 
 const BODY: &str = include_str!("page/body.html");
@@ -144,7 +145,7 @@ impl Page {
     /// The page as HTML.
     pub fn html(&self) -> String {
         let data = serde_json::to_value(self).unwrap_or_default().to_string();
-        let (title, data) = (escaped(&self.title), inside_script(&data));
+        let (title, data) = (escape::markup(&self.title), inside_script(&data));
         format!(
             "<!DOCTYPE html>\n\
              <html lang=\"en\">\n\
@@ -182,11 +183,6 @@ fn compressed(bytes: &[u8]) -> String {
     // Writing to a vector does not fail.
     let stream = encoder.write_all(bytes).and_then(|()| encoder.finish()).unwrap_or_default();
     STANDARD.encode(stream)
-}
-
-/// A text between tags.
-fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
 }
 
 /// JSON in a script element, which no `</script>` or `<!--` of a text may end.

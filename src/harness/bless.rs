@@ -10,6 +10,7 @@ use std::path::{Path, PathBuf};
 
 use crate::atomic_file::{self, FileLock};
 use crate::error::{Error, ErrorKind, Result};
+use crate::escape;
 use crate::harness::expect::Fix;
 use crate::input::{InputLimit, InputLimits, read_regular};
 use crate::scene::read::{Span, TomlSource};
@@ -29,7 +30,7 @@ pub fn bless(fixes: Vec<Fix>, limits: &InputLimits) -> Result<Vec<PathBuf>> {
     for fix in fixes {
         match fix {
             Fix::File(path, bytes) => match files.insert(path.clone(), bytes.clone()) {
-                Some(other) if other != bytes => return Err(disagreement(path.display().to_string())),
+                Some(other) if other != bytes => return Err(disagreement(escape::path(&path).to_string())),
                 _ => {}
             },
             Fix::Text(span, text) => {
@@ -54,7 +55,7 @@ pub fn bless(fixes: Vec<Fix>, limits: &InputLimits) -> Result<Vec<PathBuf>> {
         return Ok(done);
     }
     let error = Error::several(errors);
-    Err(done.iter().fold(error, |error, path| error.note(format!("written anew: {}", path.display()))))
+    Err(done.iter().fold(error, |error, path| error.note(format!("written anew: {}", escape::path(&path)))))
 }
 
 /// Changes of one text in order, each once.
@@ -65,7 +66,7 @@ fn settle(changes: &mut Vec<(Span, String)>) -> Result<()> {
         let [(before, _), (span, _)] = pair else { continue };
         if span.range.start < before.range.end {
             let place = span.place();
-            return Err(disagreement(span.source.path.display().to_string()).at(place));
+            return Err(disagreement(escape::path(&span.source.path).to_string()).at(place));
         }
     }
     Ok(())
@@ -103,7 +104,7 @@ fn changed<'a>(old: &str, changes: impl Iterator<Item = (std::ops::Range<usize>,
 /// Changes of a text that another process changed since it was read.
 fn merged(source: &TomlSource, now: &str, changes: &[(Span, String)]) -> Result<String> {
     let refused = |why: String| {
-        let message = format!("{}: changed while its tests ran", source.path.display());
+        let message = format!("{}: changed while its tests ran", escape::path(&source.path));
         Error::new(ErrorKind::Io, message)
             .note(why)
             .note("none of its values was written: run the tests again")
@@ -120,7 +121,7 @@ fn merged(source: &TomlSource, now: &str, changes: &[(Span, String)]) -> Result<
             there if *there == source.text[span.range.clone()] => moved.push((range, new.as_str())),
             there => {
                 let note = format!("another run wrote `{there}` where this one finds `{new}`");
-                return Err(disagreement(source.path.display().to_string()).at(span.place()).note(note));
+                return Err(disagreement(escape::path(&source.path).to_string()).at(span.place()).note(note));
             }
         }
     }

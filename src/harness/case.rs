@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use crate::error::{Error, ErrorKind, Place, Result};
+use crate::escape;
 use crate::harness::expect::{Difference, Expectations, Observed, OneRay};
 use crate::harness::run::{RayMeasurements, run, run_ray};
 use crate::harness::stability::perturb;
@@ -150,7 +151,7 @@ impl Case {
         let file = SceneFile::parse(scene, &text, &report)?;
         let root = file.document.root(&report);
         let rays = each_ray(&file.document, &report, |at, table| {
-            let name = table.value("name").and_then(|name| Some(name.text()?.to_owned()));
+            let name = table.value("name").and_then(|name| Some(escape::controls(name.text()?).into_owned()));
             table.has("expect").then(|| (at, name.unwrap_or_else(|| format!("ray {at}"))))
         });
         let pipeline = root.value("pipeline").and_then(Table::new);
@@ -175,7 +176,7 @@ impl Case {
     pub fn name(&self, root: &Path) -> String {
         let folder = self.scene.parent().filter(|_| self.scene.ends_with("scene.toml"));
         let path = folder.map_or_else(|| self.scene.with_extension(""), Path::to_path_buf);
-        let path = path.strip_prefix(root).unwrap_or(&path).display().to_string().replace('\\', "/");
+        let path = escape::path(path.strip_prefix(root).unwrap_or(&path)).to_string().replace('\\', "/");
         let path = path.strip_suffix(".test").unwrap_or(&path);
         match &self.variant {
             Some(variant) => format!("{path} ({variant})"),

@@ -78,7 +78,7 @@ impl TypedBytes {
     pub fn set(&mut self, path: &str, value: impl Scalars) -> Result<()> {
         let layout = Layout::new(&self.module, self.ty, Rules::Packed);
         let (offset, member) = layout.locate(path).map_err(|wrong| {
-            Error::new(ErrorKind::InvalidArgument, format!("{}: {wrong}", self.what)).note(format!(
+            Error::new(ErrorKind::InvalidArgument, format!("{}: {wrong}", self.what)).note_lines(format!(
                 "{} in the shader:\n{}",
                 self.module.describe_type(self.ty),
                 layout.describe().join("\n")

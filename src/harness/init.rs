@@ -14,6 +14,7 @@ use std::sync::Arc;
 use crate::atomic_file;
 use crate::compile::SourceWords;
 use crate::error::{Error, ErrorKind, Result, Warning};
+use crate::escape;
 use crate::harness::init::resources::{ELEMENTS, Resources};
 use crate::harness::init::traces::BindingTable;
 use crate::harness::layout::{Layout, Rules};
@@ -63,7 +64,7 @@ pub fn case(
     }
     let scene = folder.join("scene.toml");
     if scene.exists() {
-        let message = format!("{} is there already", scene.display());
+        let message = format!("{} is there already", escape::path(&scene));
         return Err(Error::new(ErrorKind::InvalidArgument, message));
     }
     let mut shaders = Shaders::default();

@@ -174,7 +174,7 @@ impl Layout<'_> {
             format!("{name} in the shader: {wanted}"),
             format!("{} in Rust: {} bytes", rust.name, rust.size),
         ];
-        Error::new(ErrorKind::InvalidArgument, message).note(self.beside(rust, heads).join("\n"))
+        Error::new(ErrorKind::InvalidArgument, message).note_lines(self.beside(rust, heads).join("\n"))
     }
 
     /// The lines of both layouts, those of one offset in one line.

@@ -65,7 +65,7 @@ fn text_difference(loaded: &Loaded, path: PathBuf, what: &str, text: &str) -> Re
         return Ok(None);
     }
     let mut difference = differs(&path, format!("{what} is another"));
-    difference.error = difference.error.note(printed_diff(&expected, text));
+    difference.error = difference.error.note_lines(printed_diff(&expected, text));
     difference.fix = Some(Fix::File(path, text.as_bytes().to_vec()));
     Ok(Some(difference))
 }

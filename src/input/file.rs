@@ -5,6 +5,7 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use crate::error::{Error, ErrorKind, Result};
+use crate::escape;
 use crate::input::limits::{InputLimit, InputLimits};
 
 /// The path that stands for standard input.
@@ -62,7 +63,7 @@ pub fn read_regular(
     let metadata = file.metadata().map_err(io)?;
     regular(path, &metadata)?;
     let size = known_size(&metadata);
-    limits.check(limit, size, ErrorKind::InvalidScene).map_err(|error| error.context(path.display()))?;
+    limits.check(limit, size, ErrorKind::InvalidScene).map_err(|error| error.context(escape::path(&path)))?;
     read(&mut file, path, size, limit, limits)
 }
 
@@ -71,7 +72,7 @@ fn regular(path: &Path, metadata: &Metadata) -> Result<()> {
     if metadata.is_file() {
         return Ok(());
     }
-    let message = format!("{}: {}, not a regular file", path.display(), what(metadata.file_type()));
+    let message = format!("{}: {}, not a regular file", escape::path(&path), what(metadata.file_type()));
     Err(Error::new(ErrorKind::InvalidScene, message)
         .note("a path inside a file names a regular file; only the command line may name a pipe"))
 }
@@ -113,7 +114,7 @@ fn read(
     from.read_to_end(&mut bytes).map_err(|error| Error::io(path, error))?;
     if bytes.len() as u64 > most {
         let error = limits.exceeded(limit, None, ErrorKind::InvalidArgument);
-        return Err(error.context(path.display()));
+        return Err(error.context(escape::path(&path)));
     }
     Ok(bytes)
 }
@@ -168,7 +169,7 @@ impl RootFolder {
         if found.starts_with(&self.folder) {
             return Ok(found);
         }
-        let message = format!("{}: outside the folder {}", path.display(), self.folder.display());
+        let message = format!("{}: outside the folder {}", escape::path(&path), escape::path(&self.folder));
         Err(Error::new(ErrorKind::InvalidScene, message)
             .note("a scene's paths may not leave this folder, links followed: `--root DIR` names another"))
     }

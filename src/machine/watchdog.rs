@@ -26,21 +26,24 @@ pub struct LaunchFuel {
     pub instructions: u64,
     /// Instructions for each invocation of the launch, where that is more.
     pub per_invocation: u64,
+    /// Instructions of the launch at most, however many invocations it has.
+    pub most: u64,
 }
 
 impl LaunchFuel {
-    /// What `anyhit test` and `anyhit smoke` allow: 2^30 instructions, or 2^21 for each
-    /// invocation. The largest shader known has 98,390 instructions, 164,798 once it is inlined.
-    pub const DEFAULT: Self = Self { instructions: 1 << 30, per_invocation: 1 << 21 };
+    /// What `anyhit test` and `anyhit smoke` allow: 2^30 instructions, or 2^21 for each invocation,
+    /// and at most 2^38. The largest shader known has 98,390 instructions, 164,798 once it is
+    /// inlined.
+    pub const DEFAULT: Self = Self { instructions: 1 << 30, per_invocation: 1 << 21, most: 1 << 38 };
 
     /// So many instructions, however many invocations there are.
     pub fn of(instructions: u64) -> Self {
-        Self { instructions, per_invocation: 0 }
+        Self { instructions, per_invocation: 0, most: u64::MAX }
     }
 
     /// What so many invocations may execute.
     pub fn of_invocations(self, count: u64) -> u64 {
-        self.instructions.max(self.per_invocation.saturating_mul(count))
+        self.instructions.max(self.per_invocation.saturating_mul(count)).min(self.most)
     }
 }
 
@@ -89,16 +92,21 @@ impl LaunchLimits {
         Self { batch_timeout: Some(timeout), ..self }
     }
 
-    /// What `anyhit test` sets unless told otherwise: [`LaunchFuel::DEFAULT`] and 8 seconds for a
-    /// batch.
+    /// What `anyhit test` sets unless told otherwise: [`LaunchFuel::DEFAULT`], 60 seconds for a
+    /// launch and 8 for a batch.
     pub const TESTS: Self = Self {
         fuel: Some(LaunchFuel::DEFAULT),
         max_fuel: None,
-        timeout: None,
+        timeout: Some(Duration::from_secs(60)),
         batch_timeout: Some(Duration::from_secs(8)),
     };
-    /// What `anyhit smoke` sets, which runs a shader many times: 4 seconds for a batch.
-    pub const SMOKE: Self = Self { batch_timeout: Some(Duration::from_secs(4)), ..Self::TESTS };
+    /// What `anyhit smoke` sets, which runs a shader many times: 30 seconds for a launch and 4 for a
+    /// batch.
+    pub const SMOKE: Self = Self {
+        timeout: Some(Duration::from_secs(30)),
+        batch_timeout: Some(Duration::from_secs(4)),
+        ..Self::TESTS
+    };
 }
 
 /// Shared by the threads of a launch.
@@ -278,6 +286,11 @@ impl TaskWatch {
         LIMITS.get(usize::from(self.expired.load(Relaxed)).checked_sub(1)?).copied()
     }
 
+    /// The limit of time that was passed.
+    pub fn timed_out(&self) -> Option<TrapCode> {
+        self.expired().filter(|code| *code != TrapCode::LaunchOutOfFuel)
+    }
+
     /// Takes a step behind the limit; the limit, where none is left.
     pub fn step_behind(&self) -> Option<TrapCode> {
         let code = self.expired()?;
@@ -303,9 +316,10 @@ mod tests {
 
     #[test]
     fn fuel_is_what_so_many_invocations_may_spend() {
-        let fuel = LaunchFuel { instructions: 100, per_invocation: 8 };
-        // 8 * 12 = 96, 8 * 13 = 104
-        assert_eq!([1, 12, 13].map(|count| fuel.of_invocations(count)), [100, 100, 104]);
+        let fuel = LaunchFuel { instructions: 100, per_invocation: 8, most: 110 };
+        // 8 * 12 = 96, 8 * 13 = 104, 8 * 14 = 112
+        let counts = [1, 12, 13, 14, u64::MAX];
+        assert_eq!(counts.map(|count| fuel.of_invocations(count)), [100, 100, 104, 110, 110]);
         assert_eq!(LaunchFuel::of(7).of_invocations(u64::MAX), 7);
     }
 

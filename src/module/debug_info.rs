@@ -1,14 +1,16 @@
 //! Names, source files and lines.
 
+use std::borrow::Cow;
 use std::collections::HashMap;
 use std::sync::Arc;
 
+use crate::escape;
 use crate::module::Id;
 
 /// A source file that debug information names, with its text where the module holds it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SourceFile {
-    /// The name as the compiler wrote it.
+    /// The name as the compiler wrote it, hidden characters as escapes.
     pub name: String,
     /// The text, where embedded.
     pub text: Option<Arc<str>>,
@@ -47,6 +49,15 @@ pub struct DebugInfo {
 }
 
 impl DebugInfo {
+    /// An `OpString` as a name: hidden characters are escapes.
+    pub fn name(&self, id: Id) -> Option<Arc<str>> {
+        let text = self.strings.get(&id)?;
+        Some(match escape::line(text) {
+            Cow::Borrowed(_) => text.clone(),
+            Cow::Owned(escaped) => escaped.into(),
+        })
+    }
+
     /// The source line of the instruction at a word offset.
     pub fn line_at(&self, offset: u32) -> Option<SourceLine> {
         let after = self.lines.partition_point(|&(start, _)| start <= offset);

@@ -9,6 +9,7 @@ use std::sync::Arc;
 
 use rspirv::spirv::{NonsemanticShaderDebuginfo100Op as DebugOp, Op};
 
+use crate::escape;
 use crate::module::debug_info::{DebugInfo, SourceFile, SourceLine};
 use crate::module::span::Span;
 use crate::module::words::lossy_string;
@@ -78,10 +79,10 @@ impl<'w> DebugReader<'w> {
         let words = &self.words[span.operands()];
         match (op, words) {
             (Op::Name, [target, name @ ..]) => {
-                self.info.names.entry(Id(*target)).or_insert_with(|| lossy_string(name));
+                self.info.names.entry(Id(*target)).or_insert_with(|| name_of(name));
             }
             (Op::MemberName, [target, member, name @ ..]) => {
-                self.info.member_names.entry((Id(*target), *member)).or_insert_with(|| lossy_string(name));
+                self.info.member_names.entry((Id(*target), *member)).or_insert_with(|| name_of(name));
             }
             (Op::String, [id, text @ ..]) => {
                 self.info.strings.insert(Id(*id), lossy_string(text).into());
@@ -141,8 +142,8 @@ impl<'w> DebugReader<'w> {
             }
             (DebugOp::DebugNoLine, _) => self.set_line(span.end, None),
             (DebugOp::DebugFunction, [name, ..]) => {
-                if let Some(name) = self.info.strings.get(&Id(*name)) {
-                    self.debug_functions.insert(result, name.clone());
+                if let Some(name) = self.info.name(Id(*name)) {
+                    self.debug_functions.insert(result, name);
                 }
             }
             (DebugOp::DebugFunctionDefinition, [function, definition]) => {
@@ -157,8 +158,8 @@ impl<'w> DebugReader<'w> {
                 }
             }
             (DebugOp::DebugLocalVariable, [name, ..]) => {
-                if let Some(name) = self.info.strings.get(&Id(*name)) {
-                    self.locals.insert(result, name.clone());
+                if let Some(name) = self.info.name(Id(*name)) {
+                    self.locals.insert(result, name);
                 }
             }
             (DebugOp::DebugDeclare | DebugOp::DebugValue, [local, value, ..]) => {
@@ -167,8 +168,8 @@ impl<'w> DebugReader<'w> {
                 }
             }
             (DebugOp::DebugGlobalVariable, [name, _, _, _, _, _, _, variable, ..]) => {
-                if let Some(name) = self.info.strings.get(&Id(*name)) {
-                    self.info.variable_names.entry(Id(*variable)).or_insert_with(|| name.clone());
+                if let Some(name) = self.info.name(Id(*name)) {
+                    self.info.variable_names.entry(Id(*variable)).or_insert(name);
                 }
             }
             _ => {}
@@ -191,7 +192,7 @@ impl<'w> DebugReader<'w> {
         if let Some(&index) = self.files.get(&name) {
             return Some(index);
         }
-        let text = self.info.strings.get(&name)?.to_string();
+        let text = self.info.name(name)?.to_string();
         let index = self.info.files.len() as u32;
         self.info.files.push(SourceFile { name: text, text: None });
         self.texts.push(Text::Absent);
@@ -219,6 +220,11 @@ impl<'w> DebugReader<'w> {
             self.info.lines.push((offset as u32, line));
         }
     }
+}
+
+/// A name, whose hidden characters are escapes from here on.
+fn name_of(words: &[u32]) -> String {
+    escape::into_line(lossy_string(words))
 }
 
 #[cfg(test)]

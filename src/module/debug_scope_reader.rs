@@ -107,12 +107,12 @@ impl<'m> ScopeReader<'m> {
         match (op, operands) {
             (DebugOp::DebugSource, [file, ..]) => {
                 let files = &self.module.debug_info.files;
-                let name = self.module.debug_info.strings.get(&Id(*file));
-                let index = name.and_then(|name| files.iter().position(|known| *known.name == **name));
+                let name = self.module.debug_info.name(Id(*file));
+                let index = name.and_then(|name| files.iter().position(|known| *known.name == *name));
                 index.and_then(|index| self.sources.insert(result, index as u32));
             }
             (DebugOp::DebugFunction, [name, _, source, line, ..]) => {
-                let name = self.module.debug_info.strings.get(&Id(*name)).cloned();
+                let name = self.module.debug_info.name(Id(*name));
                 let (file, line) = (self.sources.get(&Id(*source)).copied(), self.line(*line));
                 self.add_scope(
                     result,
@@ -149,12 +149,12 @@ impl<'m> ScopeReader<'m> {
                 self.scopes.inlined_calls.push(InlinedCall { line, scope, inlined });
             }
             (DebugOp::DebugLocalVariable, [name, ty, _, line, _, scope, _flags, argument @ ..]) => {
-                let name = self.module.debug_info.strings.get(&Id(*name));
+                let name = self.module.debug_info.name(Id(*name));
                 let (Some(name), Some(&scope)) = (name, self.scope_indices.get(&Id(*scope))) else { return };
                 let argument = argument.first().and_then(|&id| self.number(id)).unwrap_or(0);
                 let ty = self.types.get(&Id(*ty)).cloned().unwrap_or_default();
                 let line = self.line(*line);
-                let variable = SourceVariable { name: name.clone(), ty, line, scope, argument };
+                let variable = SourceVariable { name, ty, line, scope, argument };
                 self.variable_indices.insert(result, self.scopes.variables.len() as u32);
                 self.scopes.variables.push(variable);
             }
@@ -164,7 +164,7 @@ impl<'m> ScopeReader<'m> {
                 }
             }
             (DebugOp::DebugTypeComposite, [name, _, _, _, _, _, _, _, _, members @ ..]) => {
-                let name = self.module.debug_info.strings.get(&Id(*name)).cloned();
+                let name = self.module.debug_info.name(Id(*name));
                 self.types.insert(result, SourceType { name, parts: members.len() as u32 });
             }
             (

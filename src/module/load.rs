@@ -11,6 +11,7 @@ use std::sync::OnceLock;
 use rspirv::spirv::Op;
 
 use crate::error::{Error, ErrorKind, Place, Result};
+use crate::escape;
 use crate::input::{InputLimit, InputLimits};
 use crate::module::check::{self, FunctionUses};
 use crate::module::copy_budget::CopyBudget;
@@ -333,7 +334,7 @@ impl<'w> Loader<'w> {
             .expect("bug in anyhit: the grammar has seen the end of this string");
         self.module.entry_points.push(EntryPoint {
             stage: Stage::of(self.words[span.start + 1]),
-            name,
+            name: escape::into_line(name),
             function: self.id(span.start + 2),
             interface: self.words[name_at + count..span.end].iter().copied().map(Id).collect(),
             modes: Vec::new(),
@@ -519,7 +520,7 @@ impl<'w> Loader<'w> {
     }
 
     fn string_at(&self, at: usize) -> String {
-        string(&self.words[at..]).map(|(text, _)| text).unwrap_or_default()
+        string(&self.words[at..]).map(|(text, _)| escape::into_line(text)).unwrap_or_default()
     }
 
     /// The type whose id is the word at an offset.

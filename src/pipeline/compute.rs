@@ -19,7 +19,7 @@ use crate::pipeline::order::{GroupOrder, OrderMatters};
 use crate::pipeline::single_shader::Ended;
 use crate::pipeline::stats::Stats;
 use crate::pipeline::tasks::{TaskQueue, TaskResults};
-use crate::pipeline::trapped::{Trapped, spent_together};
+use crate::pipeline::trapped::{Trapped, spent_together, timed_out};
 use crate::pipeline::workgroup::{InvocationLimits, Observers, WorkgroupRunner};
 use crate::pipeline::{DEFAULT_FUEL, Event, check_subgroup_size};
 use crate::program::race_analysis::{self, LaunchExtent, Memory};
@@ -273,6 +273,10 @@ impl Compute {
                 let last = self.last_id(first + size - 1, groups_of);
                 return Ok(Err(Box::new(spent_together(Some(&self.program), last, &dog))));
             }
+            if let Some(code) = watch.timed_out() {
+                let last = self.last_id(first + size - 1, groups_of);
+                return Ok(Err(Box::new(timed_out(last, code, &dog))));
+            }
             stats = stats.plus(&task_stats);
         }
         Ok(Ok(stats))
@@ -396,8 +400,19 @@ impl Compute {
                     dog.stop_at(((last + 1) * group_size).saturating_sub(1));
                 }
             }
+            let ended = match (&trapped, watch.timed_out()) {
+                (None, Some(code)) => Some(code),
+                _ => None,
+            };
             let trapped = trapped.map(|trapped| (number(&trapped), trapped));
             all = all.merge(TaskResults { stats, trapped });
+            if let Some(code) = ended {
+                let last = work.range(index).map(|at| group_order.index(at)).max().unwrap_or(0);
+                dog.stop_at(((last + 1) * group_size).saturating_sub(1));
+                tasks.record_trap(first(index));
+                let trapped = Some((first(index), timed_out(self.last_id(last, work.groups), code, dog)));
+                all = all.merge(TaskResults { stats: Stats::default(), trapped });
+            }
             if let Some(over) = dog.end_task(index, watch.spent()) {
                 tasks.record_trap(first(over));
                 let last = work.range(over).end - 1;

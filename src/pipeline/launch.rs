@@ -20,7 +20,7 @@ use crate::pipeline::stack::{Stack, bindings};
 use crate::pipeline::stats::Stats;
 use crate::pipeline::tasks::{TaskQueue, TaskResults};
 use crate::pipeline::tracing::check_trace;
-use crate::pipeline::trapped::{Trapped, host_ray_trap, spent_together};
+use crate::pipeline::trapped::{Trapped, host_ray_trap, spent_together, timed_out};
 
 /// A pipeline with its resources, ready to launch.
 #[derive(Clone, Debug)]
@@ -136,6 +136,13 @@ impl Launch<'_> {
                     dog.stop_at(linear_index);
                 }
             }
+            if let (None, None, Some(code)) = (&stack.trapped, &together, watch.timed_out()) {
+                let launch_id = work.order.launch_id(range.end - 1);
+                let linear_index = work.order.linear_index(launch_id);
+                work.tasks.record_trap(linear_index);
+                dog.stop_at(linear_index);
+                together = Some(timed_out(launch_id, code, dog));
+            }
             // All tasks of the ranges before have ended.
             if let Some(over) = dog.end_task(first_task + task, watch.spent()) {
                 let launch_id = work.order.launch_id(work.range(over - first_task).end - 1);
@@ -238,6 +245,10 @@ impl Launch<'_> {
             if dog.end_task(task, work.watch.spent()).is_some() {
                 let last = work.order.launch_id(count.min((task + 1) * task_size) - 1);
                 return Err(spent_together(None, last, &dog).error);
+            }
+            if let Some(code) = work.watch.timed_out() {
+                let last = work.order.launch_id(count.min((task + 1) * task_size) - 1);
+                return Err(timed_out(last, code, &dog).error);
             }
             stats = stats.plus(&task_stats);
         }

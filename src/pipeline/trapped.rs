@@ -271,6 +271,17 @@ pub(super) fn spent_together(program: Option<&Program>, launch_id: [u32; 3], dog
     Trapped { launch_id, code, fault_value: 0, shader: ShaderIndex(0), offset: 0, error }
 }
 
+/// The trap of a launch that takes too long altogether, though each of its invocations, up to one,
+/// has come to its end.
+pub(super) fn timed_out(launch_id: [u32; 3], code: TrapCode, dog: &Watchdog) -> Trapped {
+    let [x, y, z] = launch_id;
+    let error = Error::trapped(Trap { launch_id, ..Trap::new(code) }).note(format!(
+        "it has got to the invocation with launch id ({x}, {y}, {z}), and none of them is endless"
+    ));
+    let error = with_limit(error, code, 0, Some(dog));
+    Trapped { launch_id, code, fault_value: 0, shader: ShaderIndex(0), offset: 0, error }
+}
+
 /// The trap of a launch, or of a ray from the host, that a limit ends while no shader runs.
 pub(super) fn ended_without_shader(code: TrapCode, fuel: u64, dog: &Watchdog) -> Trapped {
     let error = with_limit(Error::trapped(Trap::new(code)), code, fuel, Some(dog));

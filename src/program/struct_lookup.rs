@@ -95,7 +95,7 @@ fn find_named<'a>(module: &'a Module, name: &str) -> Result<Layout<'a>> {
         _ => {
             let message = format!("`{name}` has {} layouts in the module: name one of them", found.len());
             let list: Vec<_> = found.iter().take(40).map(|layout| choice(*layout)).collect();
-            Err(invalid(message).note(list.join("\n")))
+            Err(invalid(message).note_lines(list.join("\n")))
         }
     }
 }
@@ -131,7 +131,7 @@ pub fn find_block(module: &Module, block: DataBlock) -> Result<Option<Layout<'_>
         _ => {
             let list: Vec<_> = found.iter().map(|layout| choice(*layout)).collect();
             let message = format!("{} is declared with {} layouts", block.describe(), found.len());
-            Err(invalid(message).note(list.join("\n")))
+            Err(invalid(message).note_lines(list.join("\n")))
         }
     }
 }

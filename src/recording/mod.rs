@@ -16,6 +16,7 @@ use std::sync::Arc;
 use crate::accel::geometry::primitive_count;
 use crate::accel::{InstanceFlags, Tlas, TlasInstance, TraceRay};
 use crate::error::{Error, ErrorKind, Place, Result};
+use crate::escape;
 use crate::input::{InputLimit, InputLimits, read_argument};
 use crate::math::array;
 use crate::recording::tensors::Tensors;
@@ -140,7 +141,7 @@ impl Recording {
     /// As [`Recording::of`].
     #[doc(hidden)]
     pub fn of_file(path: &Path, bytes: &[u8]) -> Result<Self> {
-        let name = path.display().to_string();
+        let name = escape::path(&path).to_string();
         Self::of(bytes).map_err(|error| error.context(name).at(Place::File(path.to_path_buf())))
     }
 

@@ -5,6 +5,7 @@ use std::fmt::Write;
 
 use serde_json::{Value, json};
 
+use crate::escape;
 use crate::sanitize::record::FindingRecord;
 use crate::sanitize::rule::{self, Level};
 use crate::sorted::SortedSet;
@@ -53,9 +54,10 @@ pub fn github(findings: &[FindingRecord]) -> String {
         let mut place = String::new();
         if let (Some(file), Some(line)) = (&finding.file, finding.line) {
             // Writing to a string does not fail.
-            let _ = write!(place, "file={},line={line},", escaped(file, true));
+            let _ = write!(place, "file={},line={line},", escape::workflow_property(file));
         }
-        let (rule, message) = (&finding.rule, escaped(&finding.message, false));
+        let rule = escape::workflow_property(&finding.rule);
+        let message = escape::workflow_message(&finding.message);
         let _ = writeln!(text, "::{command} {place}title={rule}::{message}");
     }
     text
@@ -89,18 +91,12 @@ fn sarif_result(finding: &FindingRecord) -> Value {
     if let (Some(file), Some(line)) = (&finding.file, finding.line) {
         result["locations"] = json!([{
             "physicalLocation": {
-                "artifactLocation": { "uri": file },
+                "artifactLocation": { "uri": escape::uri(file) },
                 "region": { "startLine": line },
             },
         }]);
     }
     result
-}
-
-/// A text in a workflow command, whose properties escape more than messages.
-fn escaped(text: &str, is_property: bool) -> String {
-    let text = text.replace('%', "%25").replace('\r', "%0D").replace('\n', "%0A");
-    if is_property { text.replace(':', "%3A").replace(',', "%2C") } else { text }
 }
 
 #[cfg(test)]

@@ -7,6 +7,7 @@ use std::sync::Arc;
 use crate::accel::Tlas;
 use crate::compile;
 use crate::error::{Error, ErrorKind, Result};
+use crate::escape;
 use crate::input::{InputLimit, InputLimits};
 use crate::machine::{Binding, Buffer, Descriptor, Resources, image as machine};
 use crate::module::interface::Stage;
@@ -317,11 +318,11 @@ fn same_array_lengths(a: &Module, b: &Module) -> bool {
 
 /// Loads a module; a source is compiled first.
 pub(crate) fn read(shader: &ShaderModule, files: &SceneFiles) -> Result<Module> {
-    let context = |error: Error| error.context(shader.path.display()).at(shader.place.clone());
+    let context = |error: Error| error.context(escape::path(&shader.path)).at(shader.place.clone());
     match &shader.code {
         ShaderCode::SpirV(bytes) => module::load_with(bytes, files.limits).map_err(context),
         ShaderCode::Source(bytes, settings) => {
-            let name = shader.path.display().to_string();
+            let name = escape::path(&shader.path).to_string();
             let language = settings.language(&name).map_err(|error| error.at(shader.place.clone()))?;
             let source = match std::str::from_utf8(bytes) {
                 // A file on disk may include other files.

@@ -1,6 +1,7 @@
 //! Checks that a scene binds the descriptor types that its shaders declare.
 
 use crate::error::{Error, ErrorKind, Place};
+use crate::escape;
 use crate::input::InputLimit;
 use crate::machine::Binding;
 use crate::program::Program;
@@ -130,7 +131,7 @@ pub(super) fn missing_note<'a>(
     (!missing.is_empty()).then(|| {
         format!(
             "{}: the scene binds nothing to {}; an access there traps, unless [pipeline] has `unbound = \"zeros\"`",
-            scene.path.display(),
+            escape::path(&scene.path),
             list(&missing)
         )
     })

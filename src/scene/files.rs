@@ -4,6 +4,7 @@ use std::cell::Cell;
 use std::path::{Component, Path, PathBuf};
 
 use crate::error::{Error, ErrorKind, Result};
+use crate::escape;
 use crate::input::{InputLimit, InputLimits, RootFolder, read_regular};
 
 /// Reads files by path.
@@ -152,7 +153,7 @@ impl Files for EmbeddedFiles<'_> {
         let wanted = normalise(path);
         match self.0.iter().find(|(name, _)| normalise(Path::new(name)) == wanted) {
             Some((_, bytes)) => Ok(bytes.to_vec()),
-            None => Err(Error::new(ErrorKind::Io, format!("{}: no such embedded file", path.display()))),
+            None => Err(Error::new(ErrorKind::Io, format!("{}: no such embedded file", escape::path(&path)))),
         }
     }
 }

@@ -23,6 +23,7 @@ use toml::de::DeTable;
 
 use crate::error::names::nearest;
 use crate::error::{Error, ErrorKind, Place, Result};
+use crate::escape;
 use crate::input::{InputLimit, InputLimits, contained};
 use crate::scene::tree::{Toml, TomlMember, TomlNode};
 use crate::sorted::SortedSet;
@@ -32,8 +33,8 @@ pub use diagnostics::Diagnostics;
 pub(crate) use diagnostics::first_of;
 use recorder::{JsonSchema, SchemaOf, SchemaProbe};
 pub use unknown_name::unknown_name;
-pub use values::OneOrMore;
 pub(crate) use values::integer;
+pub use values::{OneOrMore, RawText};
 
 /// A TOML file that has been read.
 #[derive(Debug, PartialEq, Eq)]
@@ -64,7 +65,7 @@ impl Span {
     /// The span as a place of an error.
     pub fn place(&self) -> Place {
         Place::Text {
-            file: self.source.path.display().to_string(),
+            file: escape::path(&self.source.path).to_string(),
             text: self.source.text.clone(),
             span: self.range.clone(),
         }

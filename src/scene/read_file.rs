@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use crate::error::{Error, ErrorKind, Result};
+use crate::escape;
 use crate::input::InputLimit;
 use crate::scene::files::Files;
 use crate::scene::read::Span;
@@ -20,7 +21,7 @@ pub(crate) fn read_limited(files: &dyn Files, path: &str, span: &Span, limit: In
 
 fn at(error: Error, span: &Span, path: &Path) -> Error {
     match error.kind() {
-        ErrorKind::Io => error.at_with(span.place(), format!("looked for at {}", path.display())),
+        ErrorKind::Io => error.at_with(span.place(), format!("looked for at {}", escape::path(&path))),
         _ => error.at(span.place()),
     }
 }

@@ -7,6 +7,7 @@ use std::ops::Range;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
+use crate::escape;
 use crate::sorted::sort_by_key;
 
 /// A value and its range in the text.
@@ -40,7 +41,7 @@ pub enum Toml {
 /// A key with its value.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TomlMember {
-    /// The key.
+    /// The key, control characters as escapes.
     pub key: String,
     /// The bytes of the key.
     pub key_range: Range<usize>,
@@ -85,7 +86,7 @@ impl Toml {
 
 fn table(entries: &DeTable<'_>) -> Toml {
     let member = |(key, value): (&Spanned<std::borrow::Cow<'_, str>>, _)| TomlMember {
-        key: key.get_ref().to_string(),
+        key: escape::controls(key.get_ref()).into_owned(),
         key_range: key.span(),
         node: TomlNode::from_value(value),
     };

@@ -8,13 +8,14 @@ use clap::builder::{PossibleValuesParser, TypedValueParser};
 use serde_json::{Value, json};
 
 use crate::atomic_file;
-use crate::cli::output;
+use crate::cli::{numbers, output};
 use crate::debug::names::Names;
 use crate::debug::{Session, command, shell};
 use crate::drawing::flame_graph;
 use crate::drawing::heat_map::number;
 use crate::drawing::page::{Page, PageExplanations, PagePicture};
 use crate::error::{Error, ErrorKind, Place, Result};
+use crate::escape;
 use crate::harness::expect::PictureDifference;
 use crate::harness::picture_page::{
     ChosenPixels, WORST, comparison, explain, heat_facts, heat_layer, heat_map,
@@ -43,7 +44,7 @@ pub(super) struct LookArgs {
     heat: Option<HeatMeasure>,
     /// With --heat: the number that gets the last colour, and all above it, so that two heat maps
     /// can be compared [default: the greatest]
-    #[arg(long, value_name = "NUMBER", requires = "heat", value_parser = positive)]
+    #[arg(long, value_name = "NUMBER", requires = "heat", value_parser = numbers::positive)]
     heat_max: Option<f64>,
     /// Write the instructions of every source line, with the calls that led there: folded stacks
     /// (.folded) or a flame graph (.svg, feature `flamegraph`)
@@ -102,7 +103,7 @@ impl LookArgs {
             && let Some(path) = output
             && PictureKind::of(path) != Some(PictureKind::Png)
         {
-            let name = path.display();
+            let name = escape::path(&path);
             return Err(invalid(format!("a heat map is written as .png, and `{name}` says otherwise")));
         }
         if let Some(path) = &self.profile {
@@ -112,7 +113,7 @@ impl LookArgs {
                 _ => {
                     let message = format!(
                         "a profile is written as .folded or .svg, and `{}` says neither",
-                        path.display()
+                        escape::path(&path)
                     );
                     return Err(invalid(message));
                 }
@@ -147,7 +148,7 @@ impl LookArgs {
                 let file = output.map_or_else(|| PathBuf::from("heat.png"), Path::to_path_buf);
                 self.write_heat(&file, heat)?;
                 if output.is_none() {
-                    output::hint(format_args!("the heat map is in {}", file.display()));
+                    output::hint(format_args!("the heat map is in {}", escape::path(&file)));
                 }
                 output::print(if given.json { told_json(heat, &command) } else { told(heat, &command) })
             }
@@ -197,7 +198,7 @@ impl LookArgs {
         let names = Names::new(session.scene(), single.index, &single.pipeline);
         let profile = Profile::new(&cost.calls, &single.pipeline, &names);
         let folded = profile.folded();
-        let title = format!("{}: SPIR-V instructions by line", session.scene().path.display());
+        let title = format!("{}: SPIR-V instructions by line", escape::path(&session.scene().path));
         match extension(path).as_deref() {
             Some("svg") => atomic_file::write(path, flame_graph::svg(&folded, &title)?),
             _ => atomic_file::write(path, folded),
@@ -265,7 +266,7 @@ impl LookArgs {
         let chosen = ChosenPixels::of(extent, &wanted);
         let scene_name = given.scene.is_none().then_some("swept-spheres (part of the program)");
         let explained = explain(session, self.pass.as_deref(), scene_name, &chosen.pixels);
-        let path = session.scene().path.display();
+        let path = escape::path(&session.scene().path);
         let title = scene_name.map_or_else(|| path.to_string(), str::to_owned);
         Ok(Page {
             title,
@@ -319,7 +320,7 @@ impl LookArgs {
     /// The command that explains a pixel, without its flag `--pixel X,Y`: what is before and behind
     /// it.
     fn command(&self, given: Looked<'_>) -> [String; 2] {
-        let scene = given.scene.map(|path| format!(" {}", shell::word(&path.display().to_string())));
+        let scene = given.scene.map(|path| format!(" {}", shell::word(&path.to_string_lossy())));
         let pass = self.pass.as_ref().map(|pass| format!(" --pass {}", shell::word(pass)));
         [
             format!("anyhit trace-one-ray{}", scene.unwrap_or_default()),
@@ -396,12 +397,6 @@ fn measures() -> impl TypedValueParser<Value = HeatMeasure> {
         let found = HeatMeasure::ALL.into_iter().find(|one| one.name() == name);
         found.unwrap_or(HeatMeasure::Instructions)
     })
-}
-
-/// A number above 0.
-fn positive(text: &str) -> Result<f64, String> {
-    let number = text.parse().ok().filter(|number: &f64| number.is_finite() && *number > 0.0);
-    number.ok_or_else(|| "not a number above 0".to_owned())
 }
 
 /// A pixel of `--explain`.

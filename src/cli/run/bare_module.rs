@@ -16,6 +16,7 @@ use crate::cli::module_file;
 use crate::cli::run::dump::{binding, invalid};
 use crate::compile::{CompileOptions, DebugInfoLevel, Language, SourceSettings};
 use crate::error::{Error, ErrorKind, Place, Relocation, Result};
+use crate::escape;
 use crate::input::{InputLimit, InputLimits, read_argument};
 use crate::machine::Binding;
 use crate::math::array;
@@ -190,7 +191,7 @@ impl Arguments {
             let names = entries.iter().map(|entry| format!("`{}` ({})", entry.name, entry.stage.name()));
             names.collect::<Vec<_>>().join(", ")
         };
-        let shown = path.display();
+        let shown = escape::path(&path);
         Err(match (&self.entry, compute.is_empty()) {
             (_, true) => {
                 let all: Vec<_> = module.entry_points.iter().collect();
@@ -257,7 +258,7 @@ impl Arguments {
         let sides: [u64; 3] = array::from_fn(|axis| u64::from(groups[axis]) * u64::from(size[axis]));
         let invocations: u64 = sides.iter().fold(1, |count: u64, &side| count.saturating_mul(side));
 
-        let file = quoted(&path.display().to_string());
+        let file = quoted(&path.to_string_lossy());
         let groups_text = format!("--groups {}", self.groups.as_deref().unwrap_or("1"));
         let groups_flag = Origin::Flag(groups_text.clone());
         let is_too_large = invocations >= 1 << 40 || sides.iter().any(|&side| side > u64::from(u32::MAX));

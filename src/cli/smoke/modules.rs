@@ -4,13 +4,14 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-use serde_json::json;
+use serde_json::{Map, Value, json};
 
 use crate::cli::share::ShareArgs;
 use crate::cli::smoke::verdict::{JsonReport, verdict};
 use crate::cli::{module_file, output};
 use crate::compile::SourceWords;
 use crate::error::{Error, ErrorKind, ErrorReport, Result};
+use crate::escape;
 use crate::harness::case::{FoundFiles, files_beneath};
 use crate::harness::in_order::in_order;
 use crate::harness::shares::smoke::{ModuleResult, ModuleVerdict, SmokeResult, SmokeWhole};
@@ -40,7 +41,7 @@ impl ModulesToRun {
     /// module, after all is printed.
     pub(super) fn run(&self, paths: &[PathBuf], share: &ShareArgs, json: bool) -> Result<()> {
         let files = find(paths).map_err(|error| output::json_error(json, error))?;
-        let names: Vec<String> = files.iter().map(|file| file.display().to_string()).collect();
+        let names: Vec<String> = files.iter().map(|file| escape::path(&file).to_string()).collect();
         let whole = SmokeWhole {
             modules: files.len(),
             names: fingerprint(names.iter().map(String::as_str)),
@@ -64,7 +65,7 @@ impl ModulesToRun {
     }
 
     fn module(&self, place: usize, path: &Path) -> ModuleResult {
-        let file = path.display().to_string();
+        let file = escape::path(&path).to_string();
         let module = match module_file::read_or_compile(path, &self.limits, &self.words) {
             Ok(module) => Arc::new(module),
             Err(error) => {
@@ -74,7 +75,7 @@ impl ModulesToRun {
                     verdict: ModuleVerdict::of_unloaded(&error),
                     about: Some(error.to_string()),
                     class: Some(error.class()),
-                    json: json!({ "errors": ErrorReport::all(&error) }),
+                    json: members(json!({ "errors": ErrorReport::all(&error) })),
                 };
             }
         };
@@ -87,8 +88,16 @@ impl ModulesToRun {
             verdict: ModuleVerdict::of(&report, error.as_ref()),
             about: about(&report, error.as_ref()),
             class: error.as_ref().map(Error::class),
-            json: serde_json::to_value(JsonReport { report: &report, errors }).unwrap_or_default(),
+            json: members(serde_json::to_value(JsonReport { report: &report, errors }).unwrap_or_default()),
         }
+    }
+}
+
+/// The members of an object.
+fn members(json: Value) -> Map<String, Value> {
+    match json {
+        Value::Object(members) => members,
+        _ => Map::new(),
     }
 }
 
@@ -113,6 +122,7 @@ fn about(report: &SmokeReport, error: Option<&Error>) -> Option<String> {
 /// # Errors
 /// As [`ModulesToRun::run`].
 pub(in crate::cli) fn print_merged(results: &ShareResults<SmokeResult>, json: bool) -> Result<()> {
+    SmokeResult::check_shares(results)?;
     let result = SmokeResult::of_shares(results);
     if !json {
         result.modules.iter().try_for_each(|module| output::print(module.text()))?;
@@ -149,7 +159,7 @@ fn find(paths: &[PathBuf]) -> Result<Vec<PathBuf>> {
         files.extend(found.into_iter().filter(|file| once.add(file)));
     }
     if files.is_empty() {
-        let names: Vec<String> = paths.iter().map(|path| path.display().to_string()).collect();
+        let names: Vec<String> = paths.iter().map(|path| escape::path(&path).to_string()).collect();
         let message = format!("no modules in {}", names.join(", "));
         return Err(Error::new(ErrorKind::InvalidArgument, message)
             .note("folders are searched for `.spv`; name the files of sources"));

@@ -24,9 +24,9 @@ mod values;
 
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
-use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::sync::atomic::Ordering::Relaxed;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use serde_json::{Value, json};
 
@@ -155,15 +155,32 @@ pub struct InterruptFlags {
     message: Arc<AtomicBool>,
     /// A message that ends a run: also one backwards, which cannot go on later, or a command.
     stop: Arc<AtomicBool>,
+    /// Number of announced messages that end a run and are not handled yet; `stop` is set while
+    /// there are any.
+    ending: Arc<Mutex<usize>>,
 }
 
 impl InterruptFlags {
-    /// Tells of a message that is to be received, or with `None` of the end of all messages.
-    pub fn raise(&self, message: Option<&Value>) {
+    /// Announces a message before it is sent, or with `None` the end of all messages. A message
+    /// that ends a run counts from here until the adapter has handled it, so that the flag never
+    /// outlives its message.
+    pub fn announce(&self, message: Option<&Value>) {
         if message.is_none_or(is_ending) {
-            self.stop.store(true, Relaxed);
+            self.count_ending(|count| count.saturating_add(1));
         }
+    }
+
+    /// Makes a run look for messages. Called after a message is sent: a flag that is raised before
+    /// could be lowered before the message arrives.
+    pub fn raise(&self) {
         self.message.store(true, Relaxed);
+    }
+
+    /// Changes the number of messages that end a run, and the flag with it.
+    fn count_ending(&self, change: impl FnOnce(usize) -> usize) {
+        let mut count = self.ending.lock().unwrap_or_else(PoisonError::into_inner);
+        *count = change(*count);
+        self.stop.store(*count > 0, Relaxed);
     }
 
     /// Forgets messages that came before: whoever calls it looks for them then.
@@ -223,7 +240,7 @@ impl Adapter {
             Err((seq, refusal)) => self.outbox.respond(seq, "", Err(refusal)),
         }
         if ends {
-            self.flags.stop.store(false, Relaxed);
+            self.flags.count_ending(|count| count.saturating_sub(1));
         }
         self.outbox.take()
     }

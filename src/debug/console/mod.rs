@@ -88,8 +88,8 @@ impl Console {
 
     /// What may complete a line: where the last word begins, and the words that it may become.
     pub fn complete(&self, line: &str) -> (usize, Vec<String>) {
-        let start =
-            line.rfind(|c: char| !(c.is_alphanumeric() || c == '_' || c == '-')).map_or(0, |at| at + 1);
+        let is_part = |c: char| c.is_alphanumeric() || c == '_' || c == '-';
+        let start = line.trim_end_matches(is_part).len();
         let word = &line[start..];
         if line[..start].trim().is_empty() {
             return (start, complete(word).into_iter().map(str::to_owned).collect());

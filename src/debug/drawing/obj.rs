@@ -2,6 +2,8 @@
 
 use std::fmt::Write as _;
 
+use crate::escape;
+
 use super::{Drawing, Point, PrimitiveFate, Shape, box_lines};
 
 /// The text of an OBJ file.
@@ -41,7 +43,7 @@ struct ObjFile {
 
 impl ObjFile {
     fn group(&mut self, name: &str, comment: &str) {
-        let comment: String = comment.chars().filter(|letter| !letter.is_control()).collect();
+        let comment = escape::line(comment);
         let _ = writeln!(self.text, "# {comment}\ng {name}");
     }
 
@@ -75,6 +77,7 @@ fn word(label: &str) -> String {
 #[cfg(test)]
 mod tests {
     use crate::debug::drawing::tests::drawing;
+    use crate::escape;
 
     #[test]
     fn each_part_is_a_group_and_vertices_are_counted_on() {

@@ -2,6 +2,8 @@
 
 use std::fmt::Write as _;
 
+use crate::escape;
+
 use super::view::{EXTENT, Item, PicturePoint, Role};
 
 /// The text of an SVG file.
@@ -35,7 +37,7 @@ pub(super) fn write(items: &[Item]) -> String {
                 text,
                 "<text x=\"{x:.2}\" y=\"{y:.2}\" fill=\"{}\">{}</text>",
                 colour(*role),
-                escaped(label)
+                escape::markup(&escape::line(label))
             ),
         };
     }
@@ -53,15 +55,10 @@ fn colour(role: Role) -> String {
     format!("#{red:02x}{green:02x}{blue:02x}")
 }
 
-/// A text as XML takes it, control characters left out.
-fn escaped(text: &str) -> String {
-    let text: String = text.chars().filter(|letter| !letter.is_control()).collect();
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
-}
-
 #[cfg(test)]
 mod tests {
     use crate::debug::drawing::tests::drawing;
+    use crate::escape;
 
     #[test]
     fn names_of_scenes_are_escaped() {

@@ -2,6 +2,7 @@
 
 use std::fmt::Write;
 
+use crate::escape;
 use crate::harness::coverage::{Coverage, FileCoverage};
 
 impl Coverage {
@@ -17,12 +18,12 @@ impl Coverage {
 }
 
 fn record(out: &mut String, name: &str, file: &FileCoverage) -> std::fmt::Result {
-    writeln!(out, "TN:\nSF:{name}")?;
+    writeln!(out, "TN:\nSF:{}", escape::line(name))?;
     for (line, function) in file.functions.keys() {
-        writeln!(out, "FN:{line},{function}")?;
+        writeln!(out, "FN:{line},{}", escape::line(function))?;
     }
     for ((_, function), count) in &file.functions {
-        writeln!(out, "FNDA:{count},{function}")?;
+        writeln!(out, "FNDA:{count},{}", escape::line(function))?;
     }
     let found = file.functions.values().filter(|count| **count > 0).count();
     writeln!(out, "FNF:{}\nFNH:{found}", file.functions.len())?;

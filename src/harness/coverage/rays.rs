@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::accel::{GeometryKind, RecordIndex};
 use crate::debug::names::{Names, flags};
+use crate::escape;
 use crate::geometry::Surface;
 use crate::machine::{Exit, RayQueryStep, ShaderIndex};
 use crate::module::interface::Stage;
@@ -100,7 +101,7 @@ impl RayCounts {
         let names = Names::new(scene, index, pipeline);
         let label = |shader: ShaderIndex| {
             let label = names.shader(shader);
-            let path = names.module(shader).map(|module| module.path.display().to_string());
+            let path = names.module(shader).map(|module| escape::path(&module.path).to_string());
             let path = path.unwrap_or_default();
             if label.entry == "main" { path } else { format!("{path}:{}", label.entry) }
         };

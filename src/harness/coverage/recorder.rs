@@ -4,6 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use crate::debug::names::Names;
+use crate::escape;
 use crate::harness::block_counts::{BlockCounts, ProgramCounts};
 use crate::harness::coverage::{Coverage, Edge, RayCounts};
 use crate::machine::{BlockIndex, ShaderIndex};
@@ -105,7 +106,7 @@ impl Lines {
     fn program(&mut self, program: &Program, ran: &ProgramCounts<'_>, path: &Path) {
         let debug = &program.module.debug_info;
         if debug.lines.iter().all(|(_, line)| line.is_none()) {
-            self.coverage.without_lines.insert(path.display().to_string());
+            self.coverage.without_lines.insert(escape::path(&path).to_string());
             return;
         }
         let names: Vec<String> = debug.files.iter().map(|file| from_here(&file.name, path)).collect();
@@ -193,5 +194,5 @@ fn from_here(name: &str, module: &Path) -> String {
     let folder = module.parent().unwrap_or(Path::new(""));
     let beside = [folder.join(written), folder.join(written.file_name().unwrap_or_default())];
     let found = std::iter::once(written.to_path_buf()).chain(beside).find(|path| path.is_file());
-    found.map_or_else(|| name.to_owned(), |path| path.display().to_string())
+    found.map_or_else(|| name.to_owned(), |path| escape::path(&path).to_string())
 }

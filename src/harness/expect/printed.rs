@@ -1,14 +1,14 @@
 //! `stdout` of `[expect]`: what shaders print.
 
 use crate::harness::expect::Difference;
-use crate::scene::read::{Parse, Spanned, Table, TomlValue};
+use crate::scene::read::{Parse, RawText, Spanned, Table, TomlValue};
 
 /// The text that shaders must print (`debugPrintfEXT`), in launch order: a string, or a table with
 /// `text` and `because`.
 #[derive(Clone, Debug)]
 pub struct PrintedExpectation {
     /// The text.
-    pub text: Spanned<String>,
+    pub text: Spanned<RawText>,
     /// Why this is expected.
     pub because: Option<String>,
 }
@@ -28,7 +28,7 @@ impl Parse for PrintedExpectation {
 
 impl PrintedExpectation {
     pub(super) fn check(&self, found: &str, differences: &mut Vec<Difference>) {
-        let expected = ended(&self.text.value);
+        let expected = ended(&self.text.value.0);
         if expected == found {
             return;
         }
@@ -39,7 +39,7 @@ impl PrintedExpectation {
             literal(found),
             because,
         );
-        difference.error = difference.error.note(diff(&expected, found));
+        difference.error = difference.error.note_lines(diff(&expected, found));
         differences.push(difference);
     }
 }

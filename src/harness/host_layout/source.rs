@@ -5,6 +5,7 @@ use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
 
+use crate::escape;
 use crate::error::names::{list_of, nearest};
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::harness::host_layout::HostType;
@@ -59,7 +60,7 @@ impl HostSource {
     /// `Io` where it cannot be read; `InvalidSource` where it is not text of its language.
     pub fn read(path: &Path, limits: &InputLimits) -> Result<Self> {
         let bytes = file::read_argument(path, InputLimit::FileBytes, limits)?;
-        let name = path.display().to_string();
+        let name = escape::path(path).to_string();
         let text = String::from_utf8(bytes)
             .map_err(|_| Error::new(ErrorKind::InvalidSource, format!("{name}: the text is not UTF-8")))?;
         let is_rust = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("rs"));

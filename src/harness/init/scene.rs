@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use crate::atomic_file;
 use crate::compile::SourceWords;
 use crate::error::{Error, ErrorKind, Result, Warning};
+use crate::escape;
 use crate::harness::init::Shaders;
 use crate::harness::init::resources::Resources;
 use crate::harness::init::traces::BindingTable;
@@ -50,7 +51,7 @@ pub fn scene(
         }
     }
     if file.exists() {
-        let message = format!("{} is there already", file.display());
+        let message = format!("{} is there already", escape::path(&file));
         return Err(Error::new(ErrorKind::InvalidArgument, message));
     }
     let mut shaders = Shaders::default();

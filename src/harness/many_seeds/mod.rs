@@ -31,6 +31,7 @@ use std::sync::Arc;
 use crate::debug::session::ResolvedRequest;
 use crate::debug::shell;
 use crate::error::{ErrorKind, Result};
+use crate::escape;
 use crate::harness::many_seeds::minimise::minimise;
 use crate::harness::many_seeds::orders::{SmallestOrder, smallest};
 use crate::harness::many_seeds::report::DifferenceReport;
@@ -120,7 +121,7 @@ impl ManySeeds {
             |kind: &ChoiceKind| self.floats >= FloatChoices::that_include(*kind) && is_drawn(*kind, levels);
         let (values, others): (BTreeSet<_>, BTreeSet<_>) =
             ChoiceKind::ALL.into_iter().filter(is_wanted).partition(|kind| kind.is_of_values());
-        let path = scene.path.display().to_string();
+        let path = escape::path(&scene.path).to_string();
         let command = self.command.clone().unwrap_or_else(|| format!("anyhit run {}", shell::word(&path)));
         let mut search = Search { scene, runs, levels, command, findings: Findings::default() };
         for seed in self.seeds.clone() {

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use crate::accel::Tlas;
 use crate::debug::session::{ResolvedRequest, SingleRun};
 use crate::error::{Error, ErrorKind, Result};
+use crate::escape;
 use crate::harness::expect::{Expectations, Observed};
 use crate::harness::many_seeds::values::{OpenValues, ValueDraws};
 use crate::harness::observe::{first_ray, fresh_resources, read_resources};
@@ -201,7 +202,7 @@ impl<'a> Runs<'a> {
             RunDifference::Value { name, .. } => resource_of(name).unwrap_or(name),
             RunDifference::Trap(error) => error.message(),
         };
-        let path = self.scene.path.display().to_string();
+        let path = escape::path(&self.scene.path).to_string();
         Random::of(0, path.bytes().chain([0]).chain(name.bytes()).map(u64::from)).bits()
     }
 

@@ -9,6 +9,7 @@ use std::fmt::Write;
 use std::sync::Arc;
 
 use crate::debug::names::Names;
+use crate::escape;
 use crate::harness::pixel_cost::call_tree::{Call, CallIndex, CallSite, CallTree};
 use crate::machine::{BlockIndex, OpIndex, ShaderIndex};
 use crate::pipeline::Pipeline;
@@ -169,5 +170,5 @@ impl<'a> ShaderFrames<'a> {
 
 /// A frame's name without what the format takes for itself.
 fn frame(name: &str) -> String {
-    name.replace(';', ":").replace(char::is_control, " ")
+    escape::line(name).replace(';', ":")
 }

@@ -9,6 +9,7 @@ use serde_json::Value;
 
 use crate::compile::bytes_hash;
 use crate::error::{Error, ErrorKind, Place, Result};
+use crate::escape;
 use crate::harness::shares::shard::Shard;
 use crate::sorted::SortedMap;
 
@@ -134,7 +135,7 @@ impl<R: ShareResult> ShareResults<R> {
         if let Some(wrong) = read.shares.keys().find(|number| !(1..=read.of).contains(number)) {
             return refuse(format!("it holds share {wrong} of {}", read.of));
         }
-        read.files = read.shares.keys().map(|&number| (number, file.display().to_string())).collect();
+        read.files = read.shares.keys().map(|&number| (number, escape::path(&file).to_string())).collect();
         Ok(read)
     }
 

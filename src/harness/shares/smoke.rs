@@ -3,12 +3,13 @@
 use std::fmt::Write;
 
 use serde::{Deserialize, Serialize};
-use serde_json::{Value, json};
+use serde_json::{Map, Value, json};
 
-use crate::error::{Error, ErrorClass, ErrorKind};
+use crate::error::{Error, ErrorClass, ErrorKind, Result};
+use crate::escape;
 use crate::harness::shares::results::{ShareResult, ShareResults};
 use crate::harness::smoke::{SmokeReport, SmokeVerdict};
-use crate::sorted::{json_object, sort_by_key};
+use crate::sorted::{SortedSet, json_object, sort_by_key};
 
 /// What the shares of a run have in common.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -44,8 +45,8 @@ pub struct ModuleResult {
     pub about: Option<String>,
     /// The class of its error; `None` where all is well.
     pub class: Option<ErrorClass>,
-    /// What `--json` of the module by itself has.
-    pub json: Value,
+    /// What `--json` of the module by itself has: an object.
+    pub json: Map<String, Value>,
 }
 
 /// The worst of a module, from the best on.
@@ -127,8 +128,9 @@ impl ModuleVerdict {
 impl ModuleResult {
     /// The line about it.
     pub fn text(&self) -> String {
-        let about = self.about.as_ref().map_or_else(String::new, |about| format!(": {about}"));
-        format!("{}  {}{about}\n", self.verdict.word(), self.file)
+        let about =
+            self.about.as_ref().map_or_else(String::new, |about| format!(": {}", escape::line(about)));
+        format!("{}  {}{about}\n", self.verdict.word(), escape::line(&self.file))
     }
 }
 
@@ -138,6 +140,32 @@ impl SmokeResult {
         let mut modules: Vec<_> = results.shares().flat_map(|share| share.modules.iter().cloned()).collect();
         sort_by_key(&mut modules, |module| module.place);
         Self { modules }
+    }
+
+    /// Whether the shares of a run hold each of its modules once.
+    ///
+    /// # Errors
+    /// `InvalidArgument` where one is in two shares or is none of the run, and where one is in none
+    /// though no share is missing.
+    pub fn check_shares(results: &ShareResults<Self>) -> Result<()> {
+        let all = results.whole().modules;
+        let refuse = |message: String| Err(Error::new(ErrorKind::InvalidArgument, message));
+        let mut places = SortedSet::new();
+        for module in results.shares().flat_map(|share| &share.modules) {
+            if module.place >= all {
+                return refuse(format!("module {} is none of the {all} of the run", module.place));
+            }
+            if !places.insert(module.place) {
+                return refuse(format!("the module `{}` is in two shares", module.file));
+            }
+        }
+        if results.missing().is_empty() && places.len() != all {
+            return refuse(format!(
+                "all shares together have {} modules, and the run has {all}",
+                places.len()
+            ));
+        }
+        Ok(())
     }
 
     /// How many modules have each verdict that one has.
@@ -166,8 +194,8 @@ impl SmokeResult {
     pub fn json(&self) -> Value {
         let module = |module: &ModuleResult| {
             let mut json = module.json.clone();
-            json["file"] = json!(module.file);
-            json["verdict"] = json!(module.verdict);
+            json.insert("file".to_owned(), json!(module.file));
+            json.insert("verdict".to_owned(), json!(module.verdict));
             json
         };
         let name = |verdict| json!(verdict).as_str().unwrap_or_default().to_owned();

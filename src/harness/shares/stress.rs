@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
+use crate::error::{Error, ErrorKind, Result};
 use crate::harness::shares::results::{ShareResult, ShareResults};
 use crate::sorted::sort_by_key;
 use crate::stress::family::FAMILIES;
@@ -69,6 +70,23 @@ impl StressResult {
             wrong: report.wrong,
             failures: failures.collect(),
             microseconds: u64::try_from(report.time.as_micros()).unwrap_or(u64::MAX),
+        }
+    }
+
+    /// Whether the failures of shares are of families that there are: a failure's family is part of
+    /// the name of the file that it is saved in.
+    ///
+    /// # Errors
+    /// `InvalidArgument` where one is not.
+    pub fn check_shares(results: &ShareResults<Self>) -> Result<()> {
+        let mut failures = results.shares().flat_map(|share| &share.failures);
+        let is_known = |found: &StressFailure| FAMILIES.iter().any(|family| family.name == found.family);
+        match failures.find(|found| !is_known(found)) {
+            None => Ok(()),
+            Some(unknown) => {
+                let message = format!("a case is of the family `{}`, which there is not", unknown.family);
+                Err(Error::new(ErrorKind::InvalidArgument, message))
+            }
         }
     }
 

@@ -53,12 +53,12 @@ pub struct LineFindings {
 impl LineFindings {
     /// Whether a report shows the line.
     pub fn is_significant(&self) -> bool {
-        self.flips() + self.cancellations + self.not_finite > 0 || self.error > REPORTED_ERROR
+        self.flips() > 0 || self.cancellations > 0 || self.not_finite > 0 || self.error > REPORTED_ERROR
     }
 
     /// The number of decisions that differ.
     pub fn flips(&self) -> u64 {
-        self.comparisons + self.branches + self.integers + self.hits
+        [self.comparisons, self.branches, self.integers, self.hits].into_iter().fold(0, u64::saturating_add)
     }
 
     /// Adds the findings of another run.
@@ -95,7 +95,8 @@ impl ShadowFindings {
     pub fn sorted(&self) -> Vec<(&SourceLocation, &LineFindings)> {
         let mut lines: Vec<_> = self.lines.iter().collect();
         sort_by(&mut lines, |(_, one), (_, other)| {
-            let key = |found: &LineFindings| (found.flips() > 0, found.cancellations + found.not_finite > 0);
+            let key =
+                |found: &LineFindings| (found.flips() > 0, found.cancellations > 0 || found.not_finite > 0);
             key(other)
                 .cmp(&key(one))
                 .then(other.bits_lost.total_cmp(&one.bits_lost))

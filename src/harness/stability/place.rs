@@ -5,6 +5,7 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use crate::debug::names::{Names, source_line_at};
+use crate::escape;
 use crate::machine::ShaderIndex;
 use crate::program::Program;
 use crate::scene::{Assembled, ResolvedScene};
@@ -46,13 +47,14 @@ impl Programs {
         let pipelines = assembled.all_pipelines().flat_map(|(index, pipeline)| {
             let names = Names::new(scene, index, pipeline);
             pipeline.programs.iter().enumerate().map(move |(at, program)| {
-                let path = names.module(ShaderIndex::new(at)).map(|module| module.path.display().to_string());
+                let path =
+                    names.module(ShaderIndex::new(at)).map(|module| escape::path(&module.path).to_string());
                 (program.clone(), path)
             })
         });
         let dispatched = assembled.dispatches.iter().zip(&scene.dispatches).map(|(dispatch, entry)| {
             let path = &scene.shaders[entry.shader.module].path;
-            (dispatch.compute.program.clone(), Some(path.display().to_string()))
+            (dispatch.compute.program.clone(), Some(escape::path(&path).to_string()))
         });
         let (all, files) = pipelines
             .chain(dispatched)

@@ -7,10 +7,11 @@ use quick_xml::Writer;
 use quick_xml::events::{BytesDecl, BytesEnd, BytesStart, BytesText, Event};
 
 use crate::error::{Error, ErrorKind, Result};
+use crate::escape;
 use crate::harness::suite::{Ended, SuiteResult, TestResult};
 
-/// The XML, with how long tests took where that is wanted. Characters that XML cannot hold, such as
-/// the escape codes of a terminal, are left out.
+/// The XML, with how long tests took where that is wanted. Hidden characters, some of which XML
+/// cannot hold (XML 1.0, section 2.2), are escapes.
 ///
 /// # Errors
 /// `Io` where the writer of XML fails.
@@ -47,7 +48,7 @@ impl JUnit {
     fn begin(&mut self, element: &str, name: &str, tests: &[TestResult]) -> io::Result<()> {
         let count = |ended| tests.iter().filter(|test| test.ended == ended).count().to_string();
         let mut start = BytesStart::new(element);
-        start.push_attribute(("name", printable(name).as_str()));
+        start.push_attribute(("name", &*escape::line(name)));
         start.push_attribute(("tests", tests.len().to_string().as_str()));
         start.push_attribute(("failures", count(Ended::Failed).as_str()));
         start.push_attribute(("errors", count(Ended::Error).as_str()));
@@ -57,17 +58,17 @@ impl JUnit {
 
     fn case(&mut self, test: &TestResult) -> io::Result<()> {
         let mut start = BytesStart::new("testcase");
-        start.push_attribute(("name", printable(&test.name).as_str()));
+        start.push_attribute(("name", &*escape::line(&test.name)));
         self.time(&mut start, test.took());
-        let message = printable(test.message.as_deref().unwrap_or_default());
+        let message = escape::line(test.message.as_deref().unwrap_or_default());
         let (mut inside, text) = match test.ended {
             Ended::Passed | Ended::Renewed => return self.xml.write_event(Event::Empty(start)),
             Ended::KnownFailure => (BytesStart::new("system-out"), format!("known failure: {message}")),
-            Ended::Failed => (BytesStart::new("failure"), printable(&test.text)),
-            Ended::Error => (BytesStart::new("error"), printable(&test.text)),
+            Ended::Failed => (BytesStart::new("failure"), escape::text(&test.text, false).into_owned()),
+            Ended::Error => (BytesStart::new("error"), escape::text(&test.text, false).into_owned()),
         };
         if test.ended != Ended::KnownFailure {
-            inside.push_attribute(("message", message.as_str()));
+            inside.push_attribute(("message", &*message));
             inside.push_attribute(("type", test.ended.word()));
         }
         let end = inside.to_end().into_owned();
@@ -83,10 +84,4 @@ impl JUnit {
             start.push_attribute(("time", format!("{:.3}", took.as_secs_f64()).as_str()));
         }
     }
-}
-
-/// Text without the characters that no XML document may hold (XML 1.0, section 2.2).
-fn printable(text: &str) -> String {
-    let is_char = |c: &char| matches!(c, '\t' | '\n' | '\r' | ' '..='\u{D7FF}' | '\u{E000}'..='\u{FFFD}' | '\u{10000}'..);
-    text.chars().filter(is_char).collect()
 }

@@ -22,6 +22,7 @@ use std::time::Duration;
 
 use crate::debug::transcript::{Hint, TranscriptLine};
 use crate::error::{Error, Result};
+use crate::escape;
 use crate::harness::case::{Case, FoundFiles, scenes};
 use crate::harness::expect::Fix;
 use crate::harness::shares::{Shard, Timings};
@@ -159,7 +160,7 @@ impl Suite {
         let cases = match files.and_then(|files| Case::of_within(file, &files)) {
             Ok(cases) => cases,
             Err(error) => {
-                let (case, name) = (self.cases.len(), file.display().to_string());
+                let (case, name) = (self.cases.len(), escape::path(&file).to_string());
                 self.cases.push(Source::Broken(file.to_path_buf(), error));
                 self.tests.push(Test { name, place: 0, case, part: Part::Launch });
                 return;

@@ -41,7 +41,7 @@ pub(super) fn save_page(
         true => Some(Session::new(loaded.scene.clone())?),
         false => None,
     };
-    let scene = shell::word(&loaded.scene.path.display().to_string());
+    let scene = shell::word(&loaded.scene.path.to_string_lossy());
     // The scene of a variant does not know its name.
     let command =
         (is_launched && !is_variant).then(|| [format!("anyhit trace-one-ray {scene}"), String::new()]);

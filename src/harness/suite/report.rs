@@ -1,13 +1,12 @@
 //! Reports a suite: as text, as annotations for GitHub, as JSON.
 
-use std::borrow::Cow;
 use std::fmt::Write;
-use std::hash::{BuildHasher, RandomState};
 use std::path::Path;
 
 use serde_json::{Value, json};
 
 use crate::error::{Error, Place};
+use crate::escape;
 use crate::harness::coverage::Coverage;
 use crate::harness::suite::{Ended, Finished, Outcome, SuiteResult, TestFailure};
 use crate::sorted::json_object;
@@ -65,7 +64,7 @@ fn around(failure: &TestFailure, explanation: Option<&String>) -> String {
     if !failure.pictures.is_empty() {
         out.push_str("pictures:\n");
         for path in &failure.pictures {
-            let _ = writeln!(out, "  {}", path.display());
+            let _ = writeln!(out, "  {}", escape::path(&path));
         }
     }
     match explanation {
@@ -170,7 +169,7 @@ pub(super) fn github(finished: &Finished, root: Option<&Path>) -> Option<String>
     };
     let error = errors.first()?;
     let place = line.map(|line| (line.file.clone(), line.line)).or_else(|| place(error));
-    let (file, line) = place.unwrap_or_else(|| (finished.file.display().to_string(), 1));
+    let (file, line) = place.unwrap_or_else(|| (escape::path(&finished.file).to_string(), 1));
     let mut message = String::new();
     for error in errors {
         message.push_str(&error.render());
@@ -180,9 +179,9 @@ pub(super) fn github(finished: &Finished, root: Option<&Path>) -> Option<String>
     }
     Some(format!(
         "::error file={},line={line},title={}::{}\n",
-        property(&from_root(&file, root)),
-        property(&finished.name),
-        escaped(message.trim_end())
+        escape::workflow_property(&from_root(&file, root)),
+        escape::workflow_property(&finished.name),
+        escape::workflow_message(message.trim_end())
     ))
 }
 
@@ -198,30 +197,6 @@ fn from_root(file: &str, root: Option<&Path>) -> String {
     inside().unwrap_or_else(|| file.to_owned())
 }
 
-/// A text for the log of a GitHub workflow, which takes lines of it for commands, whatever blanks
-/// stand in front of them: where it has such lines, commands are stopped while it is printed, until
-/// a word that the text's author could not know.
-pub fn github_log(text: &str) -> Cow<'_, str> {
-    let is_command = |line: &str| ["::", "##["].iter().any(|start| line.trim_start().starts_with(start));
-    // A carriage return ends a line there, too.
-    if !text.split(['\n', '\r']).any(is_command) {
-        return Cow::Borrowed(text);
-    }
-    let word = RandomState::new().hash_one(text);
-    let end = if text.ends_with('\n') { "" } else { "\n" };
-    Cow::Owned(format!("::stop-commands::{word:016x}\n{text}{end}::{word:016x}::\n"))
-}
-
-/// What a workflow command takes as its message.
-fn escaped(text: &str) -> String {
-    text.replace('%', "%25").replace('\r', "%0D").replace('\n', "%0A")
-}
-
-/// What a workflow command takes as a property.
-fn property(text: &str) -> String {
-    escaped(text).replace(':', "%3A").replace(',', "%2C")
-}
-
 /// File and line of an error.
 fn place(error: &Error) -> Option<(String, u32)> {
     error.places().find_map(|(place, _)| match place {
@@ -230,7 +205,7 @@ fn place(error: &Error) -> Option<(String, u32)> {
             Some((file.clone(), before.matches('\n').count() as u32 + 1))
         }
         Place::Line { file, line, .. } => Some((file.clone(), *line)),
-        Place::File(path) => Some((path.display().to_string(), 1)),
+        Place::File(path) => Some((escape::path(&path).to_string(), 1)),
         _ => None,
     })
 }
@@ -267,7 +242,7 @@ pub fn json(result: &SuiteResult) -> Value {
 pub(super) fn test_json(finished: &Finished) -> Value {
     let mut test = json!({
         "name": finished.name,
-        "file": finished.file.display().to_string(),
+        "file": escape::path(&finished.file).to_string(),
         "outcome": finished.outcome.ended(),
     });
     let error = |error: &Error| {
@@ -291,7 +266,8 @@ pub(super) fn test_json(finished: &Finished) -> Value {
             test["explanation"] = json!(failure.explanation);
             test["hints"] = json!(failure.hints);
             test["command"] = json!(failure.command);
-            let paths: Vec<String> = failure.pictures.iter().map(|path| path.display().to_string()).collect();
+            let paths: Vec<String> =
+                failure.pictures.iter().map(|path| escape::path(&path).to_string()).collect();
             test["pictures"] = json!(paths);
         }
         Outcome::Broken(one) => test["error"] = error(one),

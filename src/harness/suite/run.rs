@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use crate::error::{Error, Result};
+use crate::escape;
 use crate::harness::bless::bless;
 use crate::harness::coverage::{Coverage, Recorder};
 use crate::harness::expect::Fix;
@@ -70,7 +71,7 @@ impl Suite {
         in_order(groups.len(), options.jobs, &stop, &|at| self.group(groups[at], options), &mut take)?;
         result.left_out = self.tests.len() - result.tests.len();
         let written = bless(fixes, &self.limits())?;
-        result.written = written.iter().map(|path| path.display().to_string()).collect();
+        result.written = written.iter().map(|path| escape::path(&path).to_string()).collect();
         Ok(result)
     }
 
@@ -228,7 +229,7 @@ fn result_of(place: usize, finished: &Finished, root: Option<&Path>) -> TestResu
     TestResult {
         place,
         name: finished.name.clone(),
-        file: finished.file.display().to_string(),
+        file: escape::path(&finished.file).to_string(),
         ended: finished.outcome.ended(),
         message,
         class,

@@ -9,6 +9,7 @@ use crate::debug::source_text::source_text;
 use crate::debug::transcript::TranscriptLine;
 use crate::debug::{ExplainRequest, Session, Transcript, command, shell};
 use crate::error::{Error, ErrorKind, Place, Result};
+use crate::escape;
 use crate::harness::blame::{Blame, blame};
 use crate::harness::case::Loaded;
 use crate::harness::coverage::Recorder;
@@ -94,7 +95,7 @@ impl Tester<'_> {
     pub(super) fn drawn(&self, drawn: &ManySeeds) -> Result<Findings> {
         let (scene, assembled) = (&self.loaded.scene, &self.loaded.assembled);
         let levels = scene_levels(&scene.document)?.overridden_by(&drawn.levels);
-        let path = scene.path.display().to_string();
+        let path = escape::path(&scene.path).to_string();
         let ray = self.part().map(|at| &scene.rays[at]);
         let mut command = match ray {
             None => format!("anyhit run {}", shell::word(&path)),
@@ -315,7 +316,7 @@ impl Tester<'_> {
             _ => blame.request.clone(),
         };
         let Some(request) = request else { return };
-        let mut command = command_line(&scene.path.display().to_string(), &request);
+        let mut command = command_line(&escape::path(&scene.path).to_string(), &request);
         if let Some(variant) = self.variant {
             command += &format!(" --variant {}", shell::word(variant));
         }

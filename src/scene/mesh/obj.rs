@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 use tobj::{LoadError, LoadOptions};
 
 use crate::error::{Error, ErrorKind, Place, Result};
+use crate::escape;
 use crate::input::{InputLimit, InputLimits, contained};
 use crate::machine::sampler::Sampler;
 use crate::scene::files::Files;
@@ -277,7 +278,7 @@ fn first_invalid_line(path: &Path, bytes: &[u8]) -> Option<Place> {
         };
         if invalid_line {
             let span = start..start + line.trim_end().len();
-            return Some(Place::Text { file: path.display().to_string(), text: text.into(), span });
+            return Some(Place::Text { file: escape::path(&path).to_string(), text: text.into(), span });
         }
         start += line.len();
     }

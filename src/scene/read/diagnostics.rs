@@ -5,6 +5,7 @@ use std::cell::{Cell, RefCell};
 use std::ops::Range;
 
 use crate::error::{Error, Place, Result};
+use crate::escape;
 use crate::input::{InputLimit, InputLimits};
 use crate::scene::read::Span;
 use crate::scene::read::recorder::RequestRecorder;
@@ -91,7 +92,7 @@ impl Diagnostics {
         let line = source.text[..range.start].matches('\n').count() + 1;
         let note = format!(
             "{}:{line}: `{old}` is now called `{new}`; the old name still works",
-            source.path.display()
+            escape::path(&source.path)
         );
         self.note(note);
     }

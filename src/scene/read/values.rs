@@ -3,6 +3,7 @@
 use serde_json::json;
 
 use crate::error::names::nearest;
+use crate::escape;
 use crate::scene::read::recorder::{JsonSchema, SchemaProbe};
 use crate::scene::read::{Named, Parse, Spanned, TomlValue, schema};
 use crate::scene::tree::Toml;
@@ -71,9 +72,25 @@ impl Parse for bool {
     }
 }
 
+/// A name, a path or a reason: control characters of it, line feeds among them, are escapes from
+/// here on. [`RawText`] keeps them.
 impl Parse for String {
     fn parse(value: TomlValue<'_>) -> Option<Self> {
-        value.text().map(str::to_string).or_else(|| value.expected("a string"))
+        value.text().map(|text| escape::controls(text).into_owned()).or_else(|| value.expected("a string"))
+    }
+
+    fn schema(_: &mut SchemaProbe) -> JsonSchema {
+        json!({ "type": "string" })
+    }
+}
+
+/// A text of several lines that is compared with what shaders print.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct RawText(pub String);
+
+impl Parse for RawText {
+    fn parse(value: TomlValue<'_>) -> Option<Self> {
+        value.text().map(|text| Self(text.to_owned())).or_else(|| value.expected("a string"))
     }
 
     fn schema(_: &mut SchemaProbe) -> JsonSchema {
