@@ -198,10 +198,12 @@ fn findings_of_several_scenes_are_told_apart_by_their_modules() {
     let folder = folder.to_str().expect("UTF-8");
     let counts = |args: &[&str]| {
         let (code, out, err) = run(args);
-        let json = out.find("\n[").map_or(out.as_str(), |at| &out[at..]);
-        let json = json.rfind("\n]").map_or(json, |at| &json[..at + 2]);
         let findings: Vec<Value> =
-            serde_json::from_str(json).unwrap_or_else(|error| panic!("{error}: {out}{err}"));
+            serde_json::from_str(&out).unwrap_or_else(|error| panic!("{error}: {out}{err}"));
+        assert!(
+            err.contains("tests failed") || err.contains("failed"),
+            "the report is on standard error: {err}"
+        );
         let counts: Vec<u64> = findings.iter().filter_map(|one| one["count"].as_u64()).collect();
         assert!(findings.iter().all(|one| one["rule"] == "int-div-zero" && one["level"] == "deny"), "{out}");
         (code, counts)

@@ -41,6 +41,7 @@ mod first_tests;
 mod fixtures;
 mod given_sizes;
 mod host_layout;
+mod hostile_text;
 mod instructions;
 #[cfg(all(feature = "proptest", feature = "wgsl"))]
 mod laws;

@@ -11,7 +11,7 @@ use crate::cli::sanitize::FindingFormat;
 use crate::cli::smoke::modules;
 #[cfg(feature = "stress")]
 use crate::cli::stress;
-use crate::cli::suite_report::{ReportFormat, SuiteFiles, print_end, print_test, verdict};
+use crate::cli::suite_report::{ReportFormat, SuiteFiles, check_formats, print_end, print_test, verdict};
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::escape;
 #[cfg(feature = "stress")]
@@ -46,6 +46,9 @@ pub(super) struct MergeArgs {
     /// Write the merged result as JSON
     #[arg(long, value_name = "FILE")]
     result: Option<PathBuf>,
+    /// Of tests: also write the findings of the sanitizer as SARIF 2.1.0
+    #[arg(long, value_name = "FILE")]
+    sarif: Option<PathBuf>,
     /// Of tests: write the results as JUnit XML, without times
     #[arg(long, value_name = "FILE")]
     junit: Option<PathBuf>,
@@ -76,6 +79,11 @@ pub(super) fn run(args: MergeArgs) -> Result<()> {
     let bytes = read(first, &limits)?;
     let command = command_of(first, &bytes)?;
     args.check(&command)?;
+    if args.findings.is_data() {
+        output::claim_stdout();
+    }
+    output::claim_stdout_for([args.sarif.as_deref(), args.junit.as_deref(), args.coverage.as_deref()]);
+    check_formats(args.format, args.findings)?;
     let files = FilesToMerge { args: &args, first: &bytes, limits: &limits };
     match command.as_str() {
         SuiteResult::COMMAND => args.print_suite(&files.merged()?),
@@ -105,6 +113,7 @@ impl MergeArgs {
             (self.junit.is_some(), "--junit"),
             (self.coverage.is_some(), "--coverage"),
             (self.timings.is_some(), "--timings"),
+            (self.sarif.is_some(), "--sarif"),
             (self.findings != FindingFormat::Text, "--findings"),
         ];
         let of_pictures = [(self.output.is_some(), "--output")];
@@ -140,6 +149,7 @@ impl MergeArgs {
         let files = SuiteFiles {
             junit: self.junit.as_deref(),
             coverage: self.coverage.as_deref(),
+            sarif: self.sarif.as_deref(),
             timings: self.timings.as_deref(),
             with_times: false,
         };

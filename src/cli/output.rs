@@ -2,10 +2,12 @@
 
 use std::fmt::Display;
 use std::io::{ErrorKind, IsTerminal, Write, stderr, stdout};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::builder::{PathBufValueParser, TypedValueParser};
 
+use crate::atomic_file;
 use crate::error::{Error, ErrorReport, Result, Warning};
 use crate::escape;
 use crate::machine::Printed;
@@ -19,7 +21,53 @@ use crate::scene::image::PictureKind;
 /// # Errors
 /// `Io` where standard output cannot be written for another reason, a full disk say.
 pub(super) fn print(text: impl Display) -> Result<()> {
-    write_to(&mut stdout().lock(), &escape::text(&text.to_string(), stdout().is_terminal()))
+    let styled = if is_claimed() { stderr().is_terminal() } else { stdout().is_terminal() };
+    write_report(&escape::text(&text.to_string(), styled))
+}
+
+/// Whether standard output is kept for data.
+static CLAIMED: AtomicBool = AtomicBool::new(false);
+
+/// Keeps standard output for data that another program reads, which [`print_data`] prints: all
+/// other text goes to standard error from here on.
+pub(super) fn claim_stdout() {
+    CLAIMED.store(true, Ordering::Relaxed);
+}
+
+fn is_claimed() -> bool {
+    CLAIMED.load(Ordering::Relaxed)
+}
+
+/// Prints data that another program reads to standard output.
+///
+/// # Errors
+/// As [`print`].
+pub(super) fn print_data(text: impl Display) -> Result<()> {
+    write_to(&mut stdout().lock(), &escape::printed(&text.to_string(), false))
+}
+
+/// Whether a path is standard output: `-`, or a name of its descriptor.
+fn is_stdout(path: &Path) -> bool {
+    let names = ["-", "/dev/stdout", "/dev/fd/1", "/proc/self/fd/1"];
+    names.iter().any(|name| path == Path::new(name))
+}
+
+/// Keeps standard output for data where it is one of the files that are to be written.
+pub(super) fn claim_stdout_for<'a>(files: impl IntoIterator<Item = Option<&'a Path>>) {
+    if files.into_iter().flatten().any(is_stdout) {
+        claim_stdout();
+    }
+}
+
+/// Writes data to a file, or to standard output where the path is `-`.
+///
+/// # Errors
+/// `Io`.
+pub(super) fn write_data(path: &Path, text: &str) -> Result<()> {
+    match path == Path::new("-") {
+        true => print_data(text),
+        false => atomic_file::write(path, text),
+    }
 }
 
 /// Prints to standard output what may be commands to the runner of a workflow: those that this
@@ -28,7 +76,7 @@ pub(super) fn print(text: impl Display) -> Result<()> {
 /// # Errors
 /// As [`print`].
 pub(super) fn print_commands(text: impl Display) -> Result<()> {
-    write_to(&mut stdout().lock(), &escape::printed(&text.to_string(), false))
+    write_report(&escape::printed(&text.to_string(), false))
 }
 
 /// With `--json`, prints an error before which nothing was printed, as `{"errors": [...]}`, and
@@ -52,7 +100,7 @@ pub(super) fn printed(printed: &Printed) -> Result<bool> {
     for line in &lines {
         let end = if line.text.ends_with('\n') { "" } else { "\n" };
         let text = format!("{}{end}", line.text);
-        write_to(&mut stdout().lock(), &escape::printed(&text, stdout().is_terminal()))?;
+        write_report(&escape::printed(&text, !is_claimed() && stdout().is_terminal()))?;
     }
     Ok(!lines.is_empty())
 }
@@ -118,6 +166,13 @@ pub(super) fn command_line(answer: &clap::Error) -> Result<()> {
     let printed = answer.print().and_then(|()| stdout().flush());
     // There is no other stream to report that standard error cannot be written.
     if answer.use_stderr() { Ok(()) } else { judged(printed) }
+}
+
+fn write_report(text: &str) -> Result<()> {
+    match is_claimed() {
+        true => write_to(&mut stderr().lock(), text),
+        false => write_to(&mut stdout().lock(), text),
+    }
 }
 
 fn write_to(to: &mut impl Write, text: &str) -> Result<()> {

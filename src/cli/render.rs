@@ -99,6 +99,7 @@ pub(super) struct RenderArgs {
 /// Errors of the scene, of a shader that traps, or of writing the image; `Expectation` if
 /// `--perturb` finds that an output is not stable, after everything is written and printed.
 pub(super) fn run(args: RenderArgs) -> Result<()> {
+    args.sanitize.claim_stdout();
     let json = args.json && args.look.is_requested();
     if args.look.is_requested() {
         return run_look(args).map_err(|error| output::json_error(json, error));
@@ -206,10 +207,10 @@ pub(super) fn run(args: RenderArgs) -> Result<()> {
         write_picture(&file, image, to_srgb)?;
     }
     if let Some(run) = sanitized {
-        return args.sanitize.finish([Some(run.findings), drawn], run.outcome).map(|_| ());
+        return args.sanitize.finish([Some(run.findings), drawn], run.outcome, &resolved.path).map(|_| ());
     }
     if drawn.is_some() {
-        return args.sanitize.finish([None, drawn], Ok(launch_stats)).map(|_| ());
+        return args.sanitize.finish([None, drawn], Ok(launch_stats), &resolved.path).map(|_| ());
     }
     if args.output.is_none() {
         output::hint(format_args!("the picture is in {}", escape::path(&file)));

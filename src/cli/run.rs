@@ -79,6 +79,7 @@ pub(super) struct RunArgs {
 /// Errors of the scene, the module or the arguments, and the trap that ended a shader, after the
 /// requested resources are printed.
 pub(super) fn run(args: RunArgs) -> Result<()> {
+    args.sanitize.claim_stdout();
     let begin = Instant::now();
     let (is_scene, streamed) = what(&args)?;
     let scene = match is_scene {
@@ -171,7 +172,7 @@ fn run_scene(args: &RunArgs, mut scene: ResolvedScene, is_scene: bool, begin: In
     for (path, image) in saved {
         write_picture(&path, &image, false)?;
     }
-    let launch_stats = args.sanitize.finish([found, drawn], outcome)?;
+    let launch_stats = args.sanitize.finish([found, drawn], outcome, &scene.path)?;
     if args.stats {
         output::print(stats::table(&launch_stats, load_time, launch_time))?;
         output::print(stats::elided(&launch_stats, &assembled))?;

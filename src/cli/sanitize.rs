@@ -9,6 +9,7 @@ use crate::cli::output;
 use crate::debug::session::ResolvedRequest;
 use crate::error::{Error, Result};
 use crate::harness::sanitized::{SanitizedRun, deny, run_sanitized, sanitize_one};
+use crate::harness::source_tree::SourceTree;
 use crate::input::{InputLimit, InputLimits, read_argument};
 use crate::machine::Resources;
 use crate::pipeline::Stats;
@@ -36,6 +37,10 @@ pub(super) struct SanitizeArgs {
     /// How findings are printed
     #[arg(long, value_name = "FORMAT", default_value = "text", requires = "checks")]
     findings: FindingFormat,
+    /// Also write the findings to this file as SARIF 2.1.0, for code scanning; `-` for standard
+    /// output
+    #[arg(long, value_name = "FILE", requires = "checks")]
+    sarif: Option<PathBuf>,
     /// Do not tell of the findings that this file lists; `--write-baseline` makes one
     #[arg(long, value_name = "FILE", requires = "checks")]
     baseline: Option<PathBuf>,
@@ -59,6 +64,11 @@ pub(super) enum FindingFormat {
 }
 
 impl FindingFormat {
+    /// Whether findings are printed as data, of which standard output has nothing else.
+    pub(super) fn is_data(self) -> bool {
+        matches!(self, Self::Json | Self::Sarif)
+    }
+
     /// Prints findings for other tools; nothing as text, which has more than records do.
     ///
     /// # Errors
@@ -66,8 +76,8 @@ impl FindingFormat {
     pub(super) fn print_records(self, findings: &[FindingRecord]) -> Result<()> {
         match self {
             Self::Text => Ok(()),
-            Self::Json => output::print(format_args!("{}\n", formats::json(findings))),
-            Self::Sarif => output::print(format_args!("{}\n", formats::sarif(findings))),
+            Self::Json => output::print_data(format_args!("{}\n", formats::json(findings))),
+            Self::Sarif => output::print_data(format_args!("{}\n", formats::sarif(findings))),
             Self::Github => output::print_commands(formats::github(findings)),
         }
     }
@@ -77,6 +87,20 @@ impl SanitizeArgs {
     /// Whether `--sanitize` is given.
     pub(super) fn is_requested(&self) -> bool {
         self.sanitize
+    }
+
+    /// The file that findings are written to as SARIF.
+    pub(super) fn sarif(&self) -> Option<&Path> {
+        self.sarif.as_deref()
+    }
+
+    /// Keeps standard output for findings, where they are printed there as data. Called before
+    /// anything else is printed.
+    pub(super) fn claim_stdout(&self) {
+        if self.findings.is_data() {
+            output::claim_stdout();
+        }
+        output::claim_stdout_for([self.sarif()]);
     }
 
     /// How findings are printed.
@@ -141,7 +165,7 @@ impl SanitizeArgs {
         resources: &Resources,
     ) -> Result<SanitizedRun> {
         let run = run_sanitized(scene, assembled, resources, &self.levels(scene)?);
-        run.or_else(|error| self.refuse(error))
+        run.or_else(|error| self.refuse(error, &scene.path))
     }
 
     /// Runs one ray of a scene, or one invocation, if that is asked for, and prints the findings
@@ -157,19 +181,24 @@ impl SanitizeArgs {
         drawn: Option<Findings>,
     ) -> Result<()> {
         if !self.sanitize {
-            return self.finish([None, drawn], Ok(Stats::default())).map(|_| ());
+            return self.finish([None, drawn], Ok(Stats::default()), &scene.path).map(|_| ());
         }
         let run = sanitize_one(scene, assembled, which, &assembled.resources, &self.levels(scene)?);
-        let run = run.or_else(|error| self.refuse(error))?;
-        self.finish([Some(run.findings), drawn], run.outcome).map(|_| ())
+        let run = run.or_else(|error| self.refuse(error, &scene.path))?;
+        self.finish([Some(run.findings), drawn], run.outcome, &scene.path).map(|_| ())
     }
 
     /// Prints the findings of the sanitizer and those of drawn choices, as far as either was asked
-    /// for, and returns the statistics of the run.
+    /// for, and returns the statistics of the run. `scene` is the file that was run.
     ///
     /// # Errors
     /// The trap; else `Finding` if one is denied; `Io` of the baseline's file.
-    pub(super) fn finish(&self, found: [Option<Findings>; 2], outcome: Result<Stats>) -> Result<Stats> {
+    pub(super) fn finish(
+        &self,
+        found: [Option<Findings>; 2],
+        outcome: Result<Stats>,
+        scene: &Path,
+    ) -> Result<Stats> {
         if found.iter().all(Option::is_none) {
             return outcome;
         }
@@ -184,9 +213,9 @@ impl SanitizeArgs {
         }
         let stats = match outcome {
             Ok(stats) => stats,
-            Err(error) => return self.stop(findings, error),
+            Err(error) => return self.stop(findings, error, scene),
         };
-        self.print(&findings)?;
+        self.print(&findings, &findings, scene)?;
         if findings.is_empty() && self.findings == FindingFormat::Text {
             output::hint(match self.sanitize {
                 _ if self.allow.iter().any(|id| id == "all")
@@ -205,20 +234,24 @@ impl SanitizeArgs {
 
     /// Prints findings and the error that ended the run: in text it is printed with its rule at the
     /// end of the command, and for machines it is one of the findings.
-    fn stop<T>(&self, mut findings: Findings, error: Error) -> Result<T> {
-        if self.findings != FindingFormat::Text {
-            findings.add_stop(&error);
-        }
-        self.print(&findings)?;
+    fn stop<T>(&self, findings: Findings, error: Error, scene: &Path) -> Result<T> {
+        let mut data = findings.clone();
+        data.add_stop(&error);
+        self.print(&findings, &data, scene)?;
         Err(Finding::of_stop(&error).map_or(error, |finding| finding.report()))
     }
 
     /// As [`SanitizeArgs::stop`], of what cannot run.
-    fn refuse<T>(&self, error: Error) -> Result<T> {
-        self.stop(Findings::default(), error)
+    fn refuse<T>(&self, error: Error, scene: &Path) -> Result<T> {
+        self.stop(Findings::default(), error, scene)
     }
 
-    fn print(&self, findings: &Findings) -> Result<()> {
+    /// Prints findings as text, or those of `data` in another format.
+    fn print(&self, findings: &Findings, data: &Findings, scene: &Path) -> Result<()> {
+        let records = || SourceTree::of_repository().place(data.records(), scene);
+        if let Some(path) = &self.sarif {
+            output::write_data(path, &format!("{}\n", formats::sarif(&records())))?;
+        }
         match self.findings {
             FindingFormat::Text => {
                 for finding in findings {
@@ -226,7 +259,7 @@ impl SanitizeArgs {
                 }
                 Ok(())
             }
-            other => other.print_records(&findings.records()),
+            other => other.print_records(&records()),
         }
     }
 }

@@ -3,7 +3,7 @@
 pub(super) mod modules;
 mod verdict;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -19,7 +19,9 @@ use crate::cli::{module_file, numbers, output};
 use crate::error::{Error, ErrorKind, ErrorReport, Result};
 use crate::escape;
 use crate::harness::smoke::{SmokeOptions, SmokeReport};
+use crate::harness::source_tree::SourceTree;
 use crate::machine::LaunchLimits;
+use crate::sanitize::{FindingRecord, formats};
 
 /// Runs every ray-tracing and compute entry point of a module on made-up inputs.
 ///
@@ -64,6 +66,10 @@ pub(super) struct SmokeArgs {
     /// denied, all else is a warning
     #[arg(long)]
     sanitize: bool,
+    /// With --sanitize: also write the findings to this file as SARIF 2.1.0, for code scanning; `-`
+    /// for standard output
+    #[arg(long, value_name = "FILE", requires = "sanitize")]
+    sarif: Option<PathBuf>,
     /// Fail where an entry point entered less than this many percent of its blocks
     #[arg(long, value_name = "PERCENT", value_parser = percent)]
     min_coverage: Option<f64>,
@@ -89,6 +95,7 @@ pub(super) fn run(args: SmokeArgs) -> Result<()> {
     if args.budget.is_some() {
         output::renamed_flag("--budget", "--fuel");
     }
+    output::claim_stdout_for([args.sarif.as_deref()]);
     let options = SmokeOptions {
         seed: args.seed,
         fuel: args.budget.unwrap_or(args.fuel),
@@ -104,8 +111,14 @@ pub(super) fn run(args: SmokeArgs) -> Result<()> {
         _ => true,
     };
     if several {
-        let many =
-            ModulesToRun { limits, words, options, min_coverage, jobs: args.jobs.map_or(0, usize::from) };
+        let many = ModulesToRun {
+            limits,
+            words,
+            options,
+            min_coverage,
+            jobs: args.jobs.map_or(0, usize::from),
+            sarif: args.sarif.clone(),
+        };
         return many.run(&args.modules, &args.share, args.json);
     }
     let path = &args.modules[0];
@@ -113,6 +126,9 @@ pub(super) fn run(args: SmokeArgs) -> Result<()> {
     let module = Arc::new(module.map_err(|error| output::json_error(args.json, error))?);
     let report = SmokeReport::of(&module, options);
     let verdict = verdict(&report, min_coverage);
+    if let Some(file) = &args.sarif {
+        write_sarif(file, &findings_of(&report, path))?;
+    }
     if args.json {
         let errors = verdict.as_ref().err().map_or_else(Vec::new, ErrorReport::all);
         let json = serde_json::to_string_pretty(&JsonReport { report: &report, errors })
@@ -122,4 +138,18 @@ pub(super) fn run(args: SmokeArgs) -> Result<()> {
         output::print(report.text())?;
     }
     verdict
+}
+
+/// The findings of all entry points of a module.
+fn findings_of(report: &SmokeReport, module: &Path) -> Vec<FindingRecord> {
+    let found = report.entry_points.iter().flat_map(|entry| entry.findings.records());
+    SourceTree::of_repository().place(found.collect(), module)
+}
+
+/// Writes findings as SARIF.
+///
+/// # Errors
+/// `Io`.
+fn write_sarif(file: &Path, findings: &[FindingRecord]) -> Result<()> {
+    output::write_data(file, &format!("{}\n", formats::sarif(findings)))
 }

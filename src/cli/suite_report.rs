@@ -11,7 +11,7 @@ use crate::cli::sanitize::FindingFormat;
 use crate::error::{Error, ErrorClass, ErrorKind, Result};
 use crate::escape;
 use crate::harness::suite::{Ended, KeptFinding, SuiteResult, SuiteWhole, TestResult, junit, report};
-use crate::sanitize::FindingRecord;
+use crate::sanitize::{FindingRecord, formats};
 
 /// How results are printed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
@@ -31,6 +31,8 @@ pub(super) struct SuiteFiles<'a> {
     pub junit: Option<&'a Path>,
     /// The coverage as an lcov tracefile.
     pub coverage: Option<&'a Path>,
+    /// The findings as SARIF.
+    pub sarif: Option<&'a Path>,
     /// How long tests took.
     pub timings: Option<&'a Path>,
     /// Whether the JUnit report tells how long tests took.
@@ -42,8 +44,12 @@ impl SuiteFiles<'_> {
     pub(super) fn write(&self, result: &SuiteResult) -> Vec<Error> {
         let mut unwritten = Vec::new();
         if let Some(path) = self.junit {
-            let written = junit(result, self.with_times).and_then(|text| atomic_file::write(path, text));
+            let written = junit(result, self.with_times).and_then(|text| output::write_data(path, &text));
             unwritten.extend(written.err());
+        }
+        if let Some(path) = self.sarif {
+            let text = format!("{}\n", formats::sarif(&records_of(&result.findings())));
+            unwritten.extend(output::write_data(path, &text).err());
         }
         if let Some(path) = self.coverage {
             let text = result.coverage.as_ref().map(|coverage| coverage.lcov()).unwrap_or_default();
@@ -54,6 +60,19 @@ impl SuiteFiles<'_> {
         }
         unwritten
     }
+}
+
+/// Refuses two kinds of data for one standard output: the report as JSON has the findings already.
+///
+/// # Errors
+/// `InvalidArgument`.
+pub(super) fn check_formats(format: ReportFormat, findings: FindingFormat) -> Result<()> {
+    if format != ReportFormat::Json || matches!(findings, FindingFormat::Text | FindingFormat::Json) {
+        return Ok(());
+    }
+    let message = "`--format json` and `--findings` cannot both be printed to standard output";
+    Err(Error::new(ErrorKind::InvalidArgument, message)
+        .note("the JSON report has the findings; `--sarif FILE` writes them as SARIF"))
 }
 
 /// Prints what became of a test.
@@ -98,7 +117,7 @@ pub(super) fn print_end(
         if !findings.is_empty() {
             json["findings"] = findings.iter().map(|finding| json!(finding.record())).collect();
         }
-        output::print(format_args!("{json:#}\n"))?;
+        output::print_data(format_args!("{json:#}\n"))?;
     } else {
         if let Some(coverage) = &result.coverage {
             output::print(report::coverage(coverage))?;

@@ -12,12 +12,15 @@ use crate::cli::output;
 use crate::cli::sanitize::SanitizeArgs;
 use crate::cli::share::ShareArgs;
 use crate::cli::stability::StabilityArgs;
-use crate::cli::suite_report::{ReportFormat, SuiteFiles, print_end, print_test, records_of, verdict};
+use crate::cli::suite_report::{
+    ReportFormat, SuiteFiles, check_formats, print_end, print_test, records_of, verdict,
+};
 use crate::debug::shell;
 use crate::error::{Error, ErrorKind, Result};
 use crate::escape;
 use crate::harness::init;
 use crate::harness::shares::{Shard, ShareResults, Timings, fingerprint};
+use crate::harness::source_tree::SourceTree;
 use crate::harness::suite::{EXPLAINED_LINES, Suite, SuiteOptions, SuiteResult, SuiteWhole, report};
 use crate::input::{InputLimit, InputLimits, RootFolder, read_argument};
 use crate::machine::LaunchLimits;
@@ -110,6 +113,9 @@ pub(super) fn run(args: TestArgs) -> Result<()> {
     if args.init {
         return init_case(&args);
     }
+    args.sanitize.claim_stdout();
+    output::claim_stdout_for([args.junit.as_deref(), args.coverage.as_deref()]);
+    check_formats(args.format, args.sanitize.format())?;
     let root = args.files.root()?;
     let limits = args.files.limits();
     let shard = args.shard()?;
@@ -137,6 +143,7 @@ pub(super) fn run(args: TestArgs) -> Result<()> {
     let files = SuiteFiles {
         junit: args.junit.as_deref(),
         coverage: args.coverage.as_deref(),
+        sarif: args.sanitize.sarif(),
         timings: args.write_timings.as_deref(),
         with_times: !args.no_times,
     };
@@ -257,8 +264,7 @@ fn execute(args: &TestArgs, suite: &Suite, known: Option<String>) -> Result<Suit
         colour,
         limits: args.limits.limits(LaunchLimits::TESTS),
         pictures: args.pictures.clone().unwrap_or_else(|| std::env::temp_dir().join("anyhit-test")),
-        // Where the runner of GitHub keeps the repository.
-        repository: std::env::var_os("GITHUB_WORKSPACE").map(PathBuf::from),
+        repository: SourceTree::of_repository(),
     };
     suite.run(&options, &mut |finished, test| match colour {
         true => output::print(report::text(finished, true)),

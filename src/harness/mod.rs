@@ -86,6 +86,8 @@ pub mod scene_schema;
 #[cfg(feature = "scenes")]
 pub mod shares;
 #[cfg(feature = "scenes")]
+pub mod source_tree;
+#[cfg(feature = "scenes")]
 pub mod stability;
 #[cfg(feature = "scenes")]
 mod structure_names;

@@ -52,7 +52,7 @@ pub fn github(findings: &[FindingRecord]) -> String {
     for finding in findings {
         let command = if finding.level == Level::Deny { "error" } else { "warning" };
         let mut place = String::new();
-        if let (Some(file), Some(line)) = (&finding.file, finding.line) {
+        if let (Some(file), Some(line)) = (finding.shown_path(), finding.line) {
             // Writing to a string does not fail.
             let _ = write!(place, "file={},line={line},", escape::workflow_property(file));
         }
@@ -88,15 +88,23 @@ fn sarif_result(finding: &FindingRecord) -> Value {
             "launchId": finding.launch_id,
         },
     });
-    if let (Some(file), Some(line)) = (&finding.file, finding.line) {
+    if let (Some(file), Some(line)) = (finding.shown_path(), finding.line) {
         result["locations"] = json!([{
             "physicalLocation": {
-                "artifactLocation": { "uri": escape::uri(file) },
+                "artifactLocation": { "uri": uri(file) },
                 "region": { "startLine": line },
             },
         }]);
     }
     result
+}
+
+/// A path as SARIF has it (3.4.3): relative to the repository's root, or of the file system.
+fn uri(path: &str) -> String {
+    match path.starts_with('/') {
+        true => format!("file://{}", escape::uri(path)),
+        false => escape::uri(path),
+    }
 }
 
 #[cfg(test)]

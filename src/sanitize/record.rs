@@ -23,6 +23,10 @@ pub struct FindingRecord {
     pub message: String,
     /// The file, where the module has debug information.
     pub file: Option<String>,
+    /// The path of the file from the root of its repository, without `..`, where that was looked
+    /// for.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub path: Option<String>,
     /// The line in the file, from 1.
     pub line: Option<usize>,
     /// How often invocations broke the rule here.
@@ -40,6 +44,11 @@ pub struct FindingRecord {
 }
 
 impl FindingRecord {
+    /// The path by which other tools find the file, as far as it is known.
+    pub fn shown_path(&self) -> Option<&str> {
+        self.path.as_deref().or(self.file.as_deref())
+    }
+
     /// Its line in a baseline: rule, file and message, whatever launch index met it first; the line
     /// may move.
     pub fn baseline_line(&self) -> String {
@@ -58,6 +67,7 @@ impl Finding {
             class: self.rule.kind.class().to_owned(),
             message: self.error.message().to_owned(),
             file: place.map(|(file, _)| file.to_owned()),
+            path: None,
             line: place.map(|(_, line)| line),
             count: self.count,
             launch_id: self.launch_id,

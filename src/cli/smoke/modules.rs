@@ -8,6 +8,7 @@ use serde_json::{Map, Value, json};
 
 use crate::cli::share::ShareArgs;
 use crate::cli::smoke::verdict::{JsonReport, verdict};
+use crate::cli::smoke::{findings_of, write_sarif};
 use crate::cli::{module_file, output};
 use crate::compile::SourceWords;
 use crate::error::{Error, ErrorKind, ErrorReport, Result};
@@ -18,6 +19,7 @@ use crate::harness::shares::smoke::{ModuleResult, ModuleVerdict, SmokeResult, Sm
 use crate::harness::shares::{ShareResults, fingerprint};
 use crate::harness::smoke::{SmokeOptions, SmokeReport};
 use crate::input::InputLimits;
+use crate::sanitize::FindingRecord;
 
 /// How several modules are run.
 pub(super) struct ModulesToRun {
@@ -31,6 +33,8 @@ pub(super) struct ModulesToRun {
     pub min_coverage: f64,
     /// How many modules run in parallel, 0 for one a processor.
     pub jobs: usize,
+    /// The file that findings are written to as SARIF.
+    pub sarif: Option<PathBuf>,
 }
 
 impl ModulesToRun {
@@ -50,7 +54,9 @@ impl ModulesToRun {
         let shard = share.shard_or_whole();
         let places: Vec<usize> = (0..files.len()).filter(|&place| shard.holds(place)).collect();
         let mut result = SmokeResult::default();
-        let mut take = |module: ModuleResult| {
+        let mut findings = Vec::new();
+        let mut take = |(module, found): (ModuleResult, Vec<FindingRecord>)| {
+            findings.extend(found);
             if !json {
                 output::print(module.text())?;
             }
@@ -61,15 +67,19 @@ impl ModulesToRun {
         in_order(places.len(), self.jobs, &AtomicBool::new(false), &work, &mut take)?;
         let results = ShareResults::new(whole, shard, result);
         share.write(&results)?;
+        if let Some(file) = &self.sarif {
+            write_sarif(file, &findings)?;
+        }
         print_end(&SmokeResult::of_shares(&results), json)
     }
 
-    fn module(&self, place: usize, path: &Path) -> ModuleResult {
+    /// What became of a module, and what the sanitizer found in it.
+    fn module(&self, place: usize, path: &Path) -> (ModuleResult, Vec<FindingRecord>) {
         let file = escape::path(&path).to_string();
         let module = match module_file::read_or_compile(path, &self.limits, &self.words) {
             Ok(module) => Arc::new(module),
             Err(error) => {
-                return ModuleResult {
+                let unloaded = ModuleResult {
                     place,
                     file,
                     verdict: ModuleVerdict::of_unloaded(&error),
@@ -77,19 +87,22 @@ impl ModulesToRun {
                     class: Some(error.class()),
                     json: members(json!({ "errors": ErrorReport::all(&error) })),
                 };
+                return (unloaded, Vec::new());
             }
         };
         let report = SmokeReport::of(&module, self.options);
         let error = verdict(&report, self.min_coverage).err();
         let errors = error.as_ref().map_or_else(Vec::new, ErrorReport::all);
-        ModuleResult {
+        let found = findings_of(&report, path);
+        let result = ModuleResult {
             place,
             file,
             verdict: ModuleVerdict::of(&report, error.as_ref()),
             about: about(&report, error.as_ref()),
             class: error.as_ref().map(Error::class),
             json: members(serde_json::to_value(JsonReport { report: &report, errors }).unwrap_or_default()),
-        }
+        };
+        (result, found)
     }
 }
 

@@ -7,6 +7,7 @@ use crate::debug::names::Names;
 use crate::escape;
 use crate::harness::block_counts::{BlockCounts, ProgramCounts};
 use crate::harness::coverage::{Coverage, Edge, RayCounts};
+use crate::harness::source_tree::SourceTree;
 use crate::machine::{BlockIndex, ShaderIndex};
 use crate::module::Module;
 use crate::module::debug_info::SourceLine;
@@ -109,7 +110,9 @@ impl Lines {
             self.coverage.without_lines.insert(escape::path(&path).to_string());
             return;
         }
-        let names: Vec<String> = debug.files.iter().map(|file| from_here(&file.name, path)).collect();
+        let tree = SourceTree::of_current_folder();
+        let names: Vec<String> =
+            debug.files.iter().map(|file| tree.path_of(&file.name, Some(path))).collect();
         let instructions = self.instructions(&program.module);
         // A line runs as often as the busiest of its blocks, in each inlined copy by itself.
         let mut lines: SortedMap<(u32, u32, u32), u64> = SortedMap::new();
@@ -185,14 +188,4 @@ impl Lines {
         self.modules.push(Listed { module: module.clone(), instructions: instructions.clone() });
         instructions
     }
-}
-
-/// A source file's name as it is found from the current folder: as the compiler wrote it, or beside
-/// the module; else as it is.
-fn from_here(name: &str, module: &Path) -> String {
-    let written = Path::new(name);
-    let folder = module.parent().unwrap_or(Path::new(""));
-    let beside = [folder.join(written), folder.join(written.file_name().unwrap_or_default())];
-    let found = std::iter::once(written.to_path_buf()).chain(beside).find(|path| path.is_file());
-    found.map_or_else(|| name.to_owned(), |path| escape::path(&path).to_string())
 }

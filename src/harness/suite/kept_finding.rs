@@ -1,7 +1,10 @@
 //! Findings as results keep them: what reports print of them, however often they were met.
 
+use std::path::Path;
+
 use serde::{Deserialize, Serialize};
 
+use crate::harness::source_tree::SourceTree;
 use crate::sanitize::{Finding, FindingRecord, Findings, Level};
 use crate::sorted::SortedMap;
 
@@ -27,9 +30,14 @@ impl KeptFinding {
         Self { key, once: counted(1), more: [before.to_owned(), behind.to_owned()], record: finding.record() }
     }
 
-    /// All findings of a run.
-    pub fn all(findings: &Findings) -> Vec<Self> {
-        findings.with_keys().into_iter().map(|(key, finding)| Self::of(key, finding)).collect()
+    /// All findings of a run of a scene, whose paths are found from the root of its repository.
+    pub fn all(findings: &Findings, tree: &SourceTree, scene: &Path) -> Vec<Self> {
+        let kept = |(key, finding)| {
+            let mut kept = Self::of(key, finding);
+            kept.record.path = kept.record.file.as_ref().map(|file| tree.path_of(file, Some(scene)));
+            kept
+        };
+        findings.with_keys().into_iter().map(kept).collect()
     }
 
     /// Adds findings to others: those of one key are one, which counts all and has the first's

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use crate::harness::explain::EXPLAINED_LINES;
 use crate::harness::many_seeds::ManySeeds;
+use crate::harness::source_tree::SourceTree;
 use crate::harness::stability::Perturbation;
 use crate::machine::LaunchLimits;
 use crate::sanitize::Levels;
@@ -49,8 +50,8 @@ pub struct SuiteOptions {
     pub limits: RunLimits,
     /// Where pictures that differ are saved.
     pub pictures: PathBuf,
-    /// The folder from which GitHub names files in annotations, if there is one.
-    pub repository: Option<PathBuf>,
+    /// The folder from which annotations and SARIF name files.
+    pub repository: SourceTree,
 }
 
 impl Default for SuiteOptions {
@@ -73,7 +74,7 @@ impl Default for SuiteOptions {
             colour: false,
             limits: RunLimits { default: LaunchLimits::TESTS, ..RunLimits::default() },
             pictures: PathBuf::new(),
-            repository: None,
+            repository: SourceTree::of_repository(),
         }
     }
 }

@@ -1,13 +1,13 @@
 //! Reports a suite: as text, as annotations for GitHub, as JSON.
 
 use std::fmt::Write;
-use std::path::Path;
 
 use serde_json::{Value, json};
 
 use crate::error::{Error, Place};
 use crate::escape;
 use crate::harness::coverage::Coverage;
+use crate::harness::source_tree::SourceTree;
 use crate::harness::suite::{Ended, Finished, Outcome, SuiteResult, TestFailure};
 use crate::sorted::json_object;
 
@@ -160,8 +160,8 @@ pub fn coverage(coverage: &Coverage) -> String {
 
 /// A test as a workflow command of GitHub, where it did not pass: an annotation on the line of the
 /// shader that is to blame, or of the scene file. GitHub looks for files from the repository's
-/// root, wherever the command runs: so paths in `root` are given from there.
-pub(super) fn github(finished: &Finished, root: Option<&Path>) -> Option<String> {
+/// root, wherever the command runs: so paths are given from the root of a tree.
+pub(super) fn github(finished: &Finished, tree: &SourceTree) -> Option<String> {
     let (errors, line): (&[Error], _) = match &finished.outcome {
         Outcome::Failed(failure) => (&failure.errors, failure.line.as_ref()),
         Outcome::Broken(error) => (std::slice::from_ref(error), None),
@@ -179,22 +179,10 @@ pub(super) fn github(finished: &Finished, root: Option<&Path>) -> Option<String>
     }
     Some(format!(
         "::error file={},line={line},title={}::{}\n",
-        escape::workflow_property(&from_root(&file, root)),
+        escape::workflow_property(&tree.path_of(&file, Some(&finished.file))),
         escape::workflow_property(&finished.name),
         escape::workflow_message(message.trim_end())
     ))
-}
-
-/// A path from a folder that holds it; as it is where none does.
-fn from_root(file: &str, root: Option<&Path>) -> String {
-    let inside = || {
-        let root = root?.canonicalize().ok()?;
-        let whole = Path::new(file).canonicalize().ok()?;
-        let parts: Option<Vec<&str>> =
-            whole.strip_prefix(root).ok()?.components().map(|part| part.as_os_str().to_str()).collect();
-        Some(parts?.join("/"))
-    };
-    inside().unwrap_or_else(|| file.to_owned())
 }
 
 /// File and line of an error.

@@ -1,7 +1,7 @@
 //! Runs the tests of a suite in parallel.
 
 use std::cell::LazyCell;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
@@ -12,6 +12,7 @@ use crate::harness::coverage::{Coverage, Recorder};
 use crate::harness::expect::Fix;
 use crate::harness::in_order::in_order;
 use crate::harness::sanitized::check_scene;
+use crate::harness::source_tree::SourceTree;
 use crate::harness::stability::found::ShadowFindings;
 use crate::harness::suite::kept_finding::KeptFinding;
 use crate::harness::suite::options::SuiteOptions;
@@ -40,9 +41,9 @@ impl Suite {
         let coverage = options.coverage.then(Coverage::default);
         let mut result = SuiteResult { coverage, ..SuiteResult::default() };
         let mut fixes = Vec::new();
-        let stop = AtomicBool::new(false);
+        let (stop, tree) = (AtomicBool::new(false), &options.repository);
         let mut take = |done: Done| -> Result<()> {
-            let kept = KeptFinding::all(&done.findings);
+            let kept = KeptFinding::all(&done.findings, tree, &done.file);
             if !(done.notes.is_empty() && kept.is_empty()) {
                 result.cases.push(CaseResult { place: done.case, notes: done.notes, findings: kept });
             }
@@ -52,10 +53,10 @@ impl Suite {
                 }
                 renew(&mut ran.finished, options, &mut fixes);
                 let told = TestResult {
-                    findings: KeptFinding::all(&ran.findings),
+                    findings: KeptFinding::all(&ran.findings, tree, &done.file),
                     shadow: ran.shadow,
                     held_stable: ran.held_stable,
-                    ..result_of(ran.place, &ran.finished, options.repository.as_deref())
+                    ..result_of(ran.place, &ran.finished, tree)
                 };
                 tell(&ran.finished, &told)?;
                 if matches!(told.ended, Ended::Failed | Ended::Error) && options.fail_fast {
@@ -148,7 +149,7 @@ impl Suite {
             ran.push(TestRun { place: test.place, finished, findings, shadow, held_stable, coverage });
         }
         let notes = [&loaded.scene.notes[..], &loaded.assembled.notes, &loaded.expectations.notes].concat();
-        Done { case: tests[0].case, tests: ran, findings, notes }
+        Done { case: tests[0].case, file, tests: ran, findings, notes }
     }
 
     /// The tests of a case that cannot be loaded: the first of the suite holds the error, the
@@ -172,7 +173,13 @@ impl Suite {
             held_stable: false,
             coverage: None,
         });
-        Done { case: tests[0].case, tests: ran.collect(), findings: Findings::default(), notes: Vec::new() }
+        Done {
+            case: tests[0].case,
+            file: file.to_path_buf(),
+            tests: ran.collect(),
+            findings: Findings::default(),
+            notes: Vec::new(),
+        }
     }
 }
 
@@ -198,6 +205,8 @@ fn path_number(file: &Path) -> u64 {
 struct Done {
     /// The case's place in the suite.
     case: usize,
+    /// The case's file.
+    file: PathBuf,
     tests: Vec<TestRun>,
     /// What is undefined before anything runs.
     findings: Findings,
@@ -214,9 +223,8 @@ struct TestRun {
     coverage: Option<Coverage>,
 }
 
-/// The result of a test that stands at a place of the suite. Paths in `root` are annotated from
-/// there.
-fn result_of(place: usize, finished: &Finished, root: Option<&Path>) -> TestResult {
+/// The result of a test that stands at a place of the suite. Annotations name files from a tree.
+fn result_of(place: usize, finished: &Finished, tree: &SourceTree) -> TestResult {
     let (message, class) = match &finished.outcome {
         Outcome::Passed | Outcome::Renewed => (None, None),
         Outcome::KnownFailure(why) => (Some(why.clone()), None),
@@ -234,7 +242,7 @@ fn result_of(place: usize, finished: &Finished, root: Option<&Path>) -> TestResu
         message,
         class,
         text: report::text(finished, false),
-        annotation: report::github(finished, root),
+        annotation: report::github(finished, tree),
         json: report::test_json(finished),
         microseconds: u64::try_from(finished.took.as_micros()).unwrap_or(u64::MAX),
         findings: Vec::new(),
