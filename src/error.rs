@@ -238,16 +238,16 @@ impl Error {
         self
     }
 
-    /// Adds a note in one line: a rule's number, a hint, a value. Characters that would end the line
-    /// or are hidden become escapes.
+    /// Adds a note in one line: a rule's number, a hint, a value. Characters that would end the
+    /// line or are hidden become escapes.
     #[must_use]
     pub fn note(mut self, note: impl Into<String>) -> Self {
         self.0.notes.push(escape::into_line(note.into()));
         self
     }
 
-    /// Adds a note of several lines, which are escaped by themselves: a list, a table, a comparison.
-    /// None of them begins with a command to the runner of a workflow.
+    /// Adds a note of several lines, which are escaped by themselves: a list, a table, a
+    /// comparison. None of them begins with a command to the runner of a workflow.
     #[must_use]
     pub(crate) fn note_lines(mut self, lines: impl Into<String>) -> Self {
         let lines = lines.into();

@@ -203,7 +203,6 @@ pub fn markup(text: &str) -> String {
 /// A path as a relative reference of a URI (RFC 3986, sections 2.1 and 4.2): what may not stand in
 /// one as its bytes, in hexadecimal digits.
 pub fn uri(path: &str) -> String {
-    let path = path.replace('\\', "/");
     let is_plain = |byte: u8| byte.is_ascii_alphanumeric() || b"-._~/!$&'()*+,;=@".contains(&byte);
     let mut out = String::new();
     for byte in path.bytes() {
@@ -296,7 +295,7 @@ mod tests {
     #[test]
     fn each_output_has_its_own_escapes() {
         assert_eq!(markup("<b a='\"'>&\u{1b}"), "&lt;b a=&#39;&quot;&#39;&gt;&amp;\\u001b");
-        assert_eq!(uri("a b\\ü#%?[1]:\n.toml"), "a%20b/%C3%BC%23%25%3F%5B1%5D%3A%0A.toml");
+        assert_eq!(uri("a b/ü#%?[1]:\n.toml"), "a%20b/%C3%BC%23%25%3F%5B1%5D%3A%0A.toml");
         assert_eq!(workflow_message("100 %\n::x::"), "100 %25%0A::x::");
         assert_eq!(workflow_property("a,b:c\nd"), "a%2Cb%3Ac\\u000ad");
         assert_eq!(path("a\n::error::b").to_string(), r"a\u000a::error::b");

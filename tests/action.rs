@@ -322,3 +322,62 @@ fn what_cannot_be_installed_is_told() {
     let ran = runner.run(&[], &[]);
     assert!(!ran.well && ran.out.contains("has another SHA-256"), "{}", ran.out);
 }
+
+/// Options reach the program, and the findings of a suite are a file more.
+#[test]
+fn options_are_words_of_the_program() {
+    if !skipped::has_programs(test_name!(), PROGRAMS) {
+        return;
+    }
+    let runner = Runner::new();
+    project(&runner, "cases", "3.5");
+    let inputs =
+        [("cases", "cases"), ("sanitize", "true"), ("many-seeds", "2"), ("args", "--timeout=300 --no-times")];
+    let ran = runner.run(&inputs, &[]);
+    assert!(ran.well && ran.out.contains("1 passed"), "{}", ran.out);
+    let sarif = std::fs::read_to_string(&ran.context["steps.test.outputs.sarif"]).expect("the findings");
+    assert!(sarif.contains("\"version\": \"2.1.0\""), "{sarif}");
+    let junit = Path::new(&ran.context["steps.test.outputs.reports"]).join("junit.xml");
+    assert!(!std::fs::read_to_string(junit).expect("the report").contains(" time="));
+    // A line each, with blanks within.
+    let ran = runner.run(&[("cases", "cases"), ("args", "--filter=onto it\n--fail-fast\n")], &[]);
+    assert!(ran.well && ran.out.contains("1 passed"), "{}", ran.out);
+    assert!(!ran.context.contains_key("steps.test.outputs.sarif"));
+    for (input, value, told) in [
+        ("many-seeds", "0", "--many-seeds"),
+        ("args", "--timeout 300", "a value behind `=`"),
+        ("args", "--no-such-option", "--no-such-option"),
+        ("args", "--", "a value behind `=`"),
+    ] {
+        let ran = runner.run(&[("cases", "cases"), (input, value)], &[]);
+        assert!(!ran.well && ran.out.contains(told), "{input}={value}: {}", ran.out);
+    }
+}
+
+/// Inputs may be made of what a pull request says: its title, its branch.
+#[test]
+fn no_input_is_a_command_of_the_shell() {
+    if !skipped::has_programs(test_name!(), PROGRAMS) {
+        return;
+    }
+    let runner = Runner::new();
+    project(&runner, "cases", "3.5");
+    let planted = runner.path("planted");
+    let touch = planted.to_str().expect("UTF-8");
+    for text in [
+        format!("$(touch {touch})"),
+        format!("`touch {touch}`"),
+        format!("; touch {touch} #"),
+        format!("\"; touch {touch} #"),
+        format!("x\n$(touch {touch})\n"),
+        format!("a[$(touch {touch})]"),
+        "--help\n*\n~".to_owned(),
+    ] {
+        for input in ["cases", "args", "many-seeds", "sanitize", "coverage", "shard", "shards"] {
+            let mut inputs = vec![("cases", "cases")];
+            inputs.push((input, &text));
+            let _ = runner.run(&inputs, &[]);
+            assert!(!planted.exists(), "{input}={text}");
+        }
+    }
+}

@@ -694,3 +694,162 @@ fn what_does_not_run_has_the_class_of_its_error() {
     let report: Value = serde_json::from_str(&out).expect("JSON");
     assert_eq!(report["entry_points"][0]["errors"], json!([]));
 }
+
+/// Numbers that a flag cannot mean: none, negative ones, what is no number, ranges without a seed.
+#[test]
+fn numbers_that_a_flag_cannot_mean_are_refused() {
+    const MODULE: &str = "spirv-fixtures/pass/compute/prefix-sum/main.comp.spv";
+    const SCENE: &str = "shaders/pass/sphere/closest-hit/scene.toml";
+    let float = ["nan", "-nan", "-1", "inf", "1e999", "x", ""];
+    let whole = ["0", "-1", "1.5", "nan", "inf", "18446744073709551616", "x", ""];
+    let range = ["0..0", "4..4", "5..4", "-1..4", "0..x", "..", "4", "0..18446744073709551616", ""];
+    let seconds = ["0", "-0", "-1", "nan", "inf", "1e300", "x", ""];
+    for (command, flag, values) in [
+        (&["run", MODULE][..], "--many-seeds", &whole[..]),
+        (&["run", MODULE], "--seed-range", &range),
+        (&["test", "shaders/pass/testing/leaves"], "--many-seeds", &whole),
+        (&["test", "shaders/pass/testing/leaves"], "--seed-range", &range),
+        (&["render", SCENE], "--many-seeds", &whole),
+        (&["trace-one-ray", SCENE], "--seed-range", &range),
+        (&["run", MODULE, "--perturb", "2"], "--tolerance", &float),
+        (&["run", MODULE], "--perturb", &whole),
+        (&["run", MODULE], "--fuel", &whole),
+        (&["run", MODULE], "--launch-fuel", &whole),
+        (&["run", MODULE], "--timeout", &seconds),
+        (&["run", MODULE], "--batch-timeout", &seconds),
+        (&["run", MODULE], "--subgroup-size", &whole),
+        (&["run", MODULE], "--lanes", &whole),
+        (&["test", "shaders/pass/testing/leaves"], "--jobs", &whole),
+        (&["test", "shaders/pass/testing/leaves"], "--shard", &["0/2", "3/2", "1/0", "-1/2", "1/x", "1", ""]),
+        (&["smoke", MODULE], "--fuel", &whole),
+        (&["smoke", MODULE], "--total-fuel", &whole),
+        (&["smoke", MODULE], "--seconds", &seconds),
+        (&["smoke", MODULE], "--min-coverage", &["-1", "101", "nan", "inf", "x", ""]),
+        (&["smoke", MODULE], "--jobs", &whole),
+        (&["render", SCENE], "--size", &["0x1", "1x0", "-1x1", "1", "x", "4294967296x1", ""]),
+        (&["render", SCENE, "--heat", "nodes"], "--heat-max", &["0", "-1", "nan", "inf", "x", ""]),
+        (&["verify", "tests/driver-golden"], "--max-ulp", &float),
+        (&["trace-one-ray", SCENE, "--ray", "0,0,5 0,0,-1"], "--t-min", &["nan", "1e39", "x", ""]),
+        (&["trace-one-ray", SCENE, "--ray", "0,0,5 0,0,-1"], "--t-max", &["nan", "1e39", "x", ""]),
+        (
+            &["trace-one-ray", SCENE, "--ray", "0,0,5 0,0,-1"],
+            "--time",
+            &["-0.5", "1.5", "nan", "inf", "x", ""],
+        ),
+        (&["trace-one-ray", SCENE], "--depth", &whole),
+        (&["trace-one-ray", SCENE], "--at", &["a:0", "a:-1", "a:x", "a", ":1", ""]),
+        (&["trace-one-ray", SCENE], "--pixel", &["-1,0", "0", "nan,0", "1.5,0", ""]),
+    ] {
+        for value in values {
+            let given = format!("{flag}={value}");
+            let (code, out, err) = run(&[command, &[&given]].concat());
+            assert_eq!(code, Some(2), "{command:?} {given}: {out}{err}");
+            assert!(err.starts_with("error: ") && err.contains(flag), "{command:?} {given}: {err}");
+        }
+    }
+    #[cfg(feature = "stress")]
+    for (command, flag, values) in [
+        ("stress", "--cases", &whole[..]),
+        ("stress", "--rays", &whole),
+        ("stress", "--minutes", &seconds),
+        ("stress", "--seed-range", &range),
+        ("check-math", "--stride", &whole),
+        ("check-math", "--pairs", &whole),
+        ("check-math", "--samples", &whole),
+    ] {
+        for value in values {
+            let (code, out, err) = run(&[command, &format!("{flag}={value}")]);
+            assert_eq!(code, Some(2), "{command} {flag}={value}: {out}{err}");
+        }
+    }
+    // Ranges of which nothing is asked for.
+    for (flags, told) in [
+        (["--many-seeds=2", "--seed-range=2..5"], "no seed of `--many-seeds 2`"),
+        (["--perturb=2", "--seed-range=2..5"], "no run of `--perturb 2`"),
+    ] {
+        let (code, out, err) = run(&["run", MODULE, flags[0], flags[1]]);
+        assert_eq!((code, err.contains(told)), (Some(2), true), "{out}{err}");
+    }
+}
+
+/// Standard output has the data alone, whatever else the command prints; files of data are named
+/// from the root of the repository.
+#[test]
+fn findings_as_data_have_standard_output_to_themselves() {
+    let folder = suite_of_divisions("data-alone");
+    let folder = folder.to_str().expect("UTF-8");
+    let sarif = format!("{folder}/findings.sarif");
+    let results = |text: &str| {
+        let sarif: Value = serde_json::from_str(text).unwrap_or_else(|error| panic!("{error}: {text}"));
+        sarif["runs"][0]["results"].as_array().expect("results").len()
+    };
+    for arguments in [
+        &["test", folder, "--sanitize"][..],
+        &["test", folder, "--sanitize", "--format", "github"],
+        &["test", folder, "--sanitize", "--coverage", &format!("{folder}/a.lcov")],
+        &["run", "spirv-fixtures/many-seeds/undefined-drawn/broken.comp.spv", "--sanitize"],
+        &["run", "spirv-fixtures/many-seeds/undefined-drawn/broken.comp.spv", "--sanitize", "--stats"],
+    ] {
+        let (_, out, err) = run(&[arguments, &["--findings", "sarif"]].concat());
+        assert!(results(&out) > 0, "{arguments:?}: {out}{err}");
+        let (_, out, err) = run(&[arguments, &["--sarif", "-"]].concat());
+        assert!(results(&out) > 0, "{arguments:?}: {out}{err}");
+        let (_, out, _) = run(&[arguments, &["--sarif", &sarif]].concat());
+        assert!(serde_json::from_str::<Value>(&out).is_err(), "text stays text: {out}");
+        assert!(results(&std::fs::read_to_string(&sarif).expect("a file")) > 0);
+    }
+    let module = "spirv-fixtures/many-seeds/undefined-drawn/broken.comp.spv";
+    for modules in [&[module][..], &[module, "spirv-fixtures/pass/sphere/closest-hit/main.rmiss.spv"]] {
+        let (_, out, err) = run(&[&["smoke"], modules, &["--sanitize", "--sarif", &sarif]].concat());
+        assert!(results(&std::fs::read_to_string(&sarif).expect("a file")) > 0, "{out}{err}");
+        let (_, out, err) = run(&[&["smoke"], modules, &["--sanitize", "--sarif", "-"]].concat());
+        assert!(results(&out) > 0, "{out}{err}");
+    }
+    let (_, out, err) = run(&["test", folder, "--junit", "-"]);
+    assert!(out.starts_with("<?xml") && out.trim_end().ends_with("</testsuites>"), "{out}{err}");
+    let (code, _, err) = run(&["test", folder, "--sanitize", "--format", "json", "--findings", "sarif"]);
+    assert_eq!((code, err.contains("--sarif FILE")), (Some(2), true), "{err}");
+}
+
+/// From a folder below, the path of a scene begins with `..`: what other tools read does not.
+#[test]
+fn paths_for_other_tools_have_no_dots() {
+    let folder = suite_of_divisions("dotted-paths");
+    let below = folder.join("below/here");
+    std::fs::create_dir_all(&below).expect("a folder");
+    let dotted = "../../below/../";
+    let output = anyhit(&[
+        "test",
+        dotted,
+        "--sanitize",
+        "--format",
+        "github",
+        "--sarif",
+        "a.sarif",
+        "--coverage",
+        "a.lcov",
+    ])
+    .current_dir(&below)
+    .env_remove("GITHUB_WORKSPACE")
+    .output()
+    .expect("the command starts");
+    let out = String::from_utf8_lossy(&output.stdout);
+    let read = |name: &str| {
+        std::fs::read_to_string(below.join(name)).unwrap_or_else(|error| panic!("{error}: {out}"))
+    };
+    let annotations: Vec<&str> = out.lines().filter_map(|line| line.strip_prefix("::error file=")).collect();
+    assert!(!annotations.is_empty(), "{out}");
+    let sources: Vec<String> =
+        read("a.lcov").lines().filter_map(|line| Some(line.strip_prefix("SF:")?.to_owned())).collect();
+    let sarif: Value = serde_json::from_str(&read("a.sarif")).expect("SARIF");
+    let uris: Vec<&str> = sarif["runs"][0]["results"]
+        .as_array()
+        .expect("results")
+        .iter()
+        .filter_map(|result| result["locations"][0]["physicalLocation"]["artifactLocation"]["uri"].as_str())
+        .collect();
+    let paths = annotations.iter().map(|line| line.split(',').next().unwrap_or_default());
+    for path in paths.chain(sources.iter().map(String::as_str)).chain(uris) {
+        assert!(!path.split('/').any(|part| part == ".."), "{path}");
+    }
+}

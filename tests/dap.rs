@@ -319,3 +319,76 @@ fn the_end_of_the_input_ends_the_program() {
     assert!(adapter.receive().is_none());
     assert!(adapter.child.wait().expect("an end").success());
 }
+
+impl Adapter {
+    /// The next message of which something holds.
+    fn wait_for(&mut self, holds: impl Fn(&Value) -> bool) -> Value {
+        loop {
+            let message = self.receive().expect("the program goes on");
+            if holds(&message) {
+                return message;
+            }
+        }
+    }
+
+    /// Stopped at the first line of a scene.
+    fn stopped_at_entry() -> Self {
+        let mut adapter = Self::start();
+        adapter.request("initialize", &json!({ "adapterID": "anyhit" }));
+        let scene = "shaders/debugging/negative-pow/scene.toml";
+        adapter.request("launch", &json!({ "scene": scene, "pixel": [0, 0], "stopOnEntry": true }));
+        adapter.request("configurationDone", &json!({}));
+        adapter.wait_for(|message| message["event"] == "stopped");
+        adapter
+    }
+}
+
+/// Carets behind, before and within letters of several bytes or units, and beyond the text.
+#[test]
+fn completions_take_letters_of_any_size() {
+    let mut adapter = Adapter::stopped_at_entry();
+    for text in [
+        "\u{20ac}",
+        "p \u{20ac}",
+        ":p \u{1d11e}x",
+        "\u{e9}\u{20ac}\u{1d11e}",
+        "a\u{301}.",
+        "\u{202e}",
+        "",
+        ":",
+        "x\n\u{20ac}y",
+    ] {
+        for column in [0, 1, 2, 3, 4, 5, 99, -7, i64::MAX, i64::MIN] {
+            for line in [Value::Null, json!(0), json!(2), json!(-1), json!(i64::MAX)] {
+                let seq =
+                    adapter.request("completions", &json!({ "text": text, "column": column, "line": line }));
+                let answer = adapter.wait_for(|message| message["request_seq"] == seq);
+                assert_eq!(answer["success"], true, "{text:?} {column} {line}: {answer}");
+            }
+        }
+    }
+}
+
+/// Every run backwards ends, whatever was cancelled before: the adapter's flag never outlives the
+/// message that has raised it.
+#[test]
+fn a_message_that_was_handled_ends_no_later_run() {
+    let mut adapter = Adapter::stopped_at_entry();
+    for _ in 0..2 {
+        let seq = adapter.request("next", &json!({ "threadId": 1 }));
+        adapter.wait_for(|message| message["request_seq"] == seq);
+        adapter.wait_for(|message| message["event"] == "stopped");
+    }
+    for round in 0..150 {
+        // One that is answered before the reader has gone on, at times.
+        let cancelled = ["cancel", "pause"][round % 2];
+        let seq = adapter.request(cancelled, &json!({ "requestId": 1, "threadId": 1 }));
+        adapter.wait_for(|message| message["request_seq"] == seq);
+        for command in ["next", "stepBack"] {
+            let seq = adapter.request(command, &json!({ "threadId": 1 }));
+            let answer = adapter.wait_for(|message| message["request_seq"] == seq);
+            assert_eq!(answer["success"], true, "{round}: {answer}");
+            adapter.wait_for(|message| message["event"] == "stopped");
+        }
+    }
+}

@@ -12,7 +12,7 @@ use crate::support::program::{at, scratch};
 /// What is planted: a workflow command on a line of its own, a colour, the title of a window, text
 /// from right to left, an invisible letter, a control of C1, markup, and what ends an attribute.
 const PLANTED: &str = "\n::error::N\u{1b}[31m\u{1b}]0;t\u{7}\r\u{202e}\u{200b}\u{9b}2J<script>\"'--!>&amp;";
-/// The same in a file's name, which has no `/`.
+/// What is planted in names of files and folders, which have no `/`.
 const PLANTED_FILE: &str = "\n::error::N\u{1b}[31m\u{202e}<script>\"'&amp;";
 /// How it begins as an escape.
 const SHOWN: &str = r"\u000a::error::N";
@@ -185,9 +185,8 @@ fn scene(module: &str) -> String {
          size = 16
          [geometry.{name}]
          type = 'triangles'
-         positions = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
+         vertices = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
          [[instance]]
-         name = {name}
          geometry = {name}
          [[variant]]
          name = {name}

@@ -141,6 +141,63 @@ fn endless_loops_are_no_difference_between_widths() {
     assert!(!text.contains("disagree") && !text.contains("bug in anyhit"), "{text}");
 }
 
+/// Many short invocations, each far below its own limits and those of its batch: a launch of rays
+/// and a dispatch, of which no shader has a loop.
+#[test]
+fn a_launch_of_too_many_short_invocations_ends_by_its_own_clock() {
+    let module = |stage: &str, more: &str| {
+        assemble(&format!(
+            "OpCapability Shader
+             {more}
+             OpMemoryModel Logical GLSL450
+             OpEntryPoint {stage} %main \"main\"
+             {}
+             OpDecorate %Out Block
+             OpMemberDecorate %Out 0 Offset 0
+             OpDecorate %out DescriptorSet 0
+             OpDecorate %out Binding 1
+             %void = OpTypeVoid
+             %function = OpTypeFunction %void
+             %uint = OpTypeInt 32 0
+             %0 = OpConstant %uint 0
+             %Out = OpTypeStruct %uint
+             %ptr_Out = OpTypePointer StorageBuffer %Out
+             %ptr_uint = OpTypePointer StorageBuffer %uint
+             %out = OpVariable %ptr_Out StorageBuffer
+             %main = OpFunction %void None %function
+             %begin = OpLabel
+             %first = OpAccessChain %ptr_uint %out %0
+             OpStore %first %0
+             OpReturn
+             OpFunctionEnd",
+            if stage == "GLCompute" { "OpExecutionMode %main LocalSize 64 1 1" } else { "" }
+        ))
+    };
+    let compute = scratch("short.comp.spv", "");
+    std::fs::write(&compute, module("GLCompute", "")).expect("a writable folder");
+    let rays = scratch("short.rgen.spv", "");
+    let ray_tracing = "OpCapability RayTracingKHR\nOpExtension \"SPV_KHR_ray_tracing\"";
+    std::fs::write(&rays, module("RayGenerationKHR", ray_tracing)).expect("a writable folder");
+    let out = "[resources.outputs]\ntype = 'storage_buffer'\nbinding = 1\nsize = 4\n[expect]\n";
+    let dispatch =
+        "[shaders]\nmain = 'short.comp.spv'\n[[dispatch]]\nshader = 'main'\ngroups = [16777215, 255, 1]\n";
+    let launch =
+        "launch = [32768, 32768, 1]\n[shaders]\nmain = 'short.rgen.spv'\n[pipeline]\nraygen = 'main'\n";
+    for (name, text) in [("short-dispatch.toml", dispatch), ("short-launch.toml", launch)] {
+        let scene = scratch(name, &format!("version = 1\n{text}{out}"));
+        let scene = scene.to_str().expect("a path in UTF-8");
+        for arguments in [&["test", scene][..], &["run", scene], &["test", scene, "--sanitize"]] {
+            let (code, text) = run(&[arguments, &["--timeout", "0.5", "--launch-fuel", "none"]].concat());
+            assert_eq!(code, Some(if arguments[0] == "run" { 3 } else { 1 }), "{text}");
+            assert_all(&text, &["the launch ran out of time", "timeout = 0.5 s", "--timeout"]);
+        }
+        // The fuel of all of them is the same on every machine.
+        let (code, text) = run(&["test", scene, "--launch-fuel", "100000"]);
+        assert_eq!(code, Some(1), "{text}");
+        assert_all(&text, &["the launch ran out of fuel", "launch_fuel = 100000 "]);
+    }
+}
+
 /// Within the loop `tripled` is 3 n. It is used in one turn alone, so that its register may hold
 /// something else by the end of it: 5 n and then the sum of both, written as often as 3 n is.
 #[test]

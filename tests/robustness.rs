@@ -259,6 +259,14 @@ fn command_line() {
     Fuzz { name: "command_line", run, seeds, mutate: mutators::text, cases: 2000, accepted: 5 }.check();
 }
 
+#[cfg(feature = "cli")]
+#[test]
+fn share_result() {
+    let seeds = seeds::share_results();
+    let run = subjects::share_result;
+    Fuzz { name: "share_result", run, seeds, mutate: mutators::text, cases: 1500, accepted: 2 }.check();
+}
+
 /// A reader's panic is an error of the file where it was in the reader, and a failure where it was
 /// in this project's own code.
 #[test]
@@ -306,6 +314,8 @@ fn a_saved_input() {
         "picture" => subjects::picture,
         "recording" => subjects::recording,
         "command_line" => subjects::command_line,
+        #[cfg(feature = "cli")]
+        "share_result" => subjects::share_result,
         other => panic!("no subject is called {other}"),
     };
     println!("{subject}: accepted: {}", run(&bytes));

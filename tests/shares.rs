@@ -418,3 +418,69 @@ fn a_picture_that_cannot_be_shared_says_why() {
     }
     assert!(!Path::new(&file).exists());
 }
+
+/// Results whose JSON is of other types and numbers than those that are written: an error, and
+/// never a file outside of the folder for cases.
+#[test]
+fn results_of_smoke_tests_that_make_no_sense_are_refused() {
+    let folder = scratch("shares-smoke-refused");
+    let modules = ["main.rchit.spv", "main.rgen.spv", "main.rmiss.spv"]
+        .map(|name| format!("spirv-fixtures/pass/sphere/closest-hit/{name}"));
+    let smoke = ["smoke", &modules[0], &modules[1], &modules[2]];
+    let files = shares(&folder, 2, &smoke);
+    let changed = |name: &str, change: &dyn Fn(&mut Value)| {
+        let mut value: Value = serde_json::from_slice(&bytes(&files[0])).expect("JSON");
+        change(&mut value["shares"]["1"]["modules"]);
+        let path = at(&folder, name);
+        std::fs::write(&path, value.to_string()).expect("a writable folder");
+        path
+    };
+    for (name, words, change) in [
+        (
+            "list.json",
+            "expected a map",
+            &(|modules: &mut Value| modules[0]["json"] = serde_json::json!([])) as &dyn Fn(&mut Value),
+        ),
+        ("text.json", "expected a map", &|modules| modules[0]["json"] = "x".into()),
+        ("number.json", "expected a map", &|modules| modules[1]["json"] = 7.into()),
+        ("null.json", "expected a map", &|modules| modules[0]["json"] = Value::Null),
+        ("place.json", "module 18446744073709551615 is none of the 3", &|modules| {
+            modules[0]["place"] = u64::MAX.into()
+        }),
+        ("twice.json", "is in two shares", &|modules| modules[0]["place"] = 1.into()),
+        ("fewer.json", "all shares together have 1 modules", &|modules| *modules = serde_json::json!([])),
+    ] {
+        let file = changed(name, change);
+        for format in ["plain", "json"] {
+            let ran = merge(&[file.clone(), files[1].clone()], &["--format", format]);
+            assert_eq!(ran.code, Some(2), "{name}: {}{}", ran.out, ran.err);
+            assert!(ran.err.contains(words), "{name}: {}", ran.err);
+        }
+    }
+    // A member of another type is passed on, as one that this version does not know.
+    let odd =
+        changed("odd.json", &|modules| modules[0]["json"] = serde_json::json!({ "file": 3, "verdict": [] }));
+    let ran = merge(&[odd, files[1].clone()], &["--format", "json"]);
+    assert_eq!(ran.code, Some(0), "{}", ran.err);
+    let merged: Value = serde_json::from_str(&ran.out).expect("JSON");
+    assert_eq!(merged["modules"][0]["file"], modules[0].as_str());
+}
+
+/// The name of a file that a wrong case is saved in is made of its family.
+#[test]
+#[cfg(feature = "stress")]
+fn a_case_of_an_unknown_family_is_saved_nowhere() {
+    let folder = scratch("shares-stress-refused");
+    let files = shares(&folder, 1, &["stress", "--cases", "1", "--no-times"]);
+    let mut value: Value = serde_json::from_slice(&bytes(&files[0])).expect("JSON");
+    let failure =
+        serde_json::json!({ "seed": 1, "number": 0, "family": "../outside", "failure": "x", "case": "" });
+    value["shares"]["1"]["failures"] = serde_json::json!([failure]);
+    value["shares"]["1"]["wrong"] = 1.into();
+    std::fs::write(&files[0], value.to_string()).expect("a writable folder");
+    let cases = at(&folder, "cases");
+    let ran = merge(&files, &["--save", &cases]);
+    assert_eq!(ran.code, Some(2), "{}{}", ran.out, ran.err);
+    assert!(ran.err.contains("the family `../outside`"), "{}", ran.err);
+    assert!(!folder.join("outside-1-0.toml").exists() && !Path::new(&cases).exists());
+}

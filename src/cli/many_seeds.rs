@@ -10,7 +10,7 @@ use crate::cli::sanitize::SanitizeArgs;
 use crate::cli::stability::StabilityArgs;
 use crate::debug::session::ResolvedRequest;
 use crate::debug::shell;
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::Result;
 use crate::harness::many_seeds::{FloatChoices, ManySeeds};
 use crate::sanitize::Findings;
 use crate::scene::{Assembled, ResolvedScene};
@@ -69,7 +69,7 @@ impl ManySeedsArgs {
         let all = 0..self.many_seeds.unwrap_or(u64::MAX);
         let seeds = match &self.seed_range {
             Some(range) if range.start >= all.end && self.is_requested(stability) => {
-                return Err(beyond("seed", range, "--many-seeds", all.end));
+                return Err(numbers::beyond("seed", range, "--many-seeds", all.end));
             }
             Some(range) => range.start..range.end.min(all.end),
             None => all,
@@ -124,16 +124,6 @@ impl ManySeedsArgs {
         let levels = sanitize.levels(scene)?;
         Ok(Some(ManySeeds { levels, command: Some(command), ..drawn }))
     }
-}
-
-/// The error of a range of which nothing is among what another flag counts.
-pub(super) fn beyond(what: &str, range: &Range<u64>, flag: &str, count: u64) -> Error {
-    let Range { start, end } = range;
-    let message = format!(
-        "`--seed-range {start}..{end}` has no {what} of `{flag} {count}`: they are 0 to {}",
-        count.saturating_sub(1)
-    );
-    Error::new(ErrorKind::InvalidArgument, message)
 }
 
 /// A command that is printed to be typed: a subcommand with its file and those flags that are

@@ -3,6 +3,8 @@
 use std::ops::Range;
 use std::time::Duration;
 
+use crate::error::{Error, ErrorKind};
+
 /// A whole number from 1 on.
 ///
 /// # Errors
@@ -100,6 +102,16 @@ pub(super) fn seed_range(text: &str) -> Result<Range<u64>, String> {
         true => Ok(first..end),
         false => Err(format!("no seed is in it: the seeds are A to B - 1, and {first} is not below {end}")),
     }
+}
+
+/// The error of a range of which nothing is among what another flag counts.
+pub(super) fn beyond(what: &str, range: &Range<u64>, flag: &str, count: u64) -> Error {
+    let Range { start, end } = range;
+    let message = format!(
+        "`--seed-range {start}..{end}` has no {what} of `{flag} {count}`: they are 0 to {}",
+        count.saturating_sub(1)
+    );
+    Error::new(ErrorKind::InvalidArgument, message)
 }
 
 #[cfg(test)]

@@ -4,7 +4,6 @@ use std::ops::Range;
 
 use clap::Args;
 
-use crate::cli::many_seeds::beyond;
 use crate::cli::{numbers, output};
 use crate::debug::session::ResolvedRequest;
 use crate::error::{Error, ErrorKind, Result};
@@ -62,7 +61,7 @@ impl StabilityArgs {
         if let (Some(range), Some(runs)) = (range, self.perturb)
             && range.start >= runs.into()
         {
-            return Err(beyond("run", range, "--perturb", runs.into()));
+            return Err(numbers::beyond("run", range, "--perturb", runs.into()));
         }
         let envelope = if self.envelope == "nvidia" { Envelope::Nvidia } else { Envelope::Vulkan };
         let tolerance = self.tolerance.unwrap_or(Perturbation::default().tolerance);

@@ -3,7 +3,8 @@
 use crate::escape;
 
 /// A word as a POSIX shell takes it: as it is, in double quotes, or in single quotes where double
-/// ones would not keep it. Where characters of it would be hidden, `printf` makes it of their bytes.
+/// ones would not keep it. Where characters of it would be hidden, `printf` makes it of their
+/// bytes.
 pub fn word(text: &str) -> String {
     let plain = |c: char| c.is_ascii_alphanumeric() || "_-./,:=+@%".contains(c);
     if !text.is_empty() && text.chars().all(plain) {

@@ -176,7 +176,8 @@ impl Case {
     pub fn name(&self, root: &Path) -> String {
         let folder = self.scene.parent().filter(|_| self.scene.ends_with("scene.toml"));
         let path = folder.map_or_else(|| self.scene.with_extension(""), Path::to_path_buf);
-        let path = escape::path(path.strip_prefix(root).unwrap_or(&path)).to_string().replace('\\', "/");
+        let path = path.strip_prefix(root).unwrap_or(&path).to_string_lossy().replace('\\', "/");
+        let path = escape::controls(&path);
         let path = path.strip_suffix(".test").unwrap_or(&path);
         match &self.variant {
             Some(variant) => format!("{path} ({variant})"),

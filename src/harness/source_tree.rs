@@ -53,7 +53,8 @@ impl SourceTree {
         let absolute = path.canonicalize().or_else(|_| std::path::absolute(path));
         let Ok(absolute) = absolute.map(|path| without_dots(&path)) else { return name.to_owned() };
         let inside = absolute.strip_prefix(&self.root).unwrap_or(&absolute);
-        inside.to_string_lossy().replace('\\', "/")
+        let inside = inside.to_string_lossy();
+        if cfg!(windows) { inside.replace('\\', "/") } else { inside.into_owned() }
     }
 }
 

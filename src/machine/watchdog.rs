@@ -100,8 +100,8 @@ impl LaunchLimits {
         timeout: Some(Duration::from_secs(60)),
         batch_timeout: Some(Duration::from_secs(8)),
     };
-    /// What `anyhit smoke` sets, which runs a shader many times: 30 seconds for a launch and 4 for a
-    /// batch.
+    /// What `anyhit smoke` sets, which runs a shader many times: 30 seconds for a launch and 4 for
+    /// a batch.
     pub const SMOKE: Self = Self {
         timeout: Some(Duration::from_secs(30)),
         batch_timeout: Some(Duration::from_secs(4)),

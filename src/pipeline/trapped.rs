@@ -276,7 +276,8 @@ pub(super) fn spent_together(program: Option<&Program>, launch_id: [u32; 3], dog
 pub(super) fn timed_out(launch_id: [u32; 3], code: TrapCode, dog: &Watchdog) -> Trapped {
     let [x, y, z] = launch_id;
     let error = Error::trapped(Trap { launch_id, ..Trap::new(code) }).note(format!(
-        "it has got to the invocation with launch id ({x}, {y}, {z}), and none of them is endless"
+        "invocations up to launch id ({x}, {y}, {z}) have ended, none of them in an endless loop: the launch has too \
+         many for its time"
     ));
     let error = with_limit(error, code, 0, Some(dog));
     Trapped { launch_id, code, fault_value: 0, shader: ShaderIndex(0), offset: 0, error }

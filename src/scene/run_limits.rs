@@ -76,6 +76,9 @@ mod tests {
         assert_eq!(given(more, test, 8), (all, printed));
         // 2^21 for each of 2^12 invocations.
         assert_eq!(given(more, test, 1 << 12), (1 << 33, printed));
+        // However many there are, 2^38 is the most.
+        assert_eq!(given("", test, 1 << 40), (1 << 38, printed));
+        assert_eq!(LaunchLimits::TESTS.timeout, Some(Duration::from_secs(60)));
         // The flags do, and where there is no default the scene's key holds.
         let (fuel, bytes) = (LaunchFuel::of(1 << 50), 1 << 40);
         let flags = RunLimits { launch_fuel: Some(fuel), printed_bytes: Some(bytes), ..test };

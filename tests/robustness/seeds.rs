@@ -171,3 +171,32 @@ pub fn command_lines() -> Vec<Seed> {
     ];
     lines.iter().map(|line| (line.replace('\n', " "), line.as_bytes().to_vec())).collect()
 }
+
+/// Results of shares as commands write them.
+#[cfg(feature = "cli")]
+pub fn share_results() -> Vec<Seed> {
+    let folder = crate::support::program::scratch("robustness-shares");
+    let module = "spirv-fixtures/pass/sphere/closest-hit/main.rchit.spv";
+    let commands = [
+        &["test", "shaders/pass/testing/leaves", "--shadow", "--sanitize", "--coverage", "x.lcov"][..],
+        &["test", "tests/test-command/trap", "tests/test-command/rays", "--no-explanation"],
+        &["smoke", module, "spirv-fixtures/pass/sphere/closest-hit/main.rmiss.spv"],
+        &["render", "shaders/pass/sphere/closest-hit/scene.toml", "--size", "8x8", "--shard", "1/2"],
+    ];
+    let result = |(number, command): (usize, &&[&str])| {
+        let path = folder.join(format!("{number}.json"));
+        let file = path.to_str().expect("UTF-8");
+        let command: Vec<String> = command
+            .iter()
+            .map(|word| match *word {
+                "x.lcov" => folder.join("x.lcov").to_str().expect("UTF-8").to_owned(),
+                word => word.to_owned(),
+            })
+            .collect();
+        let command: Vec<&str> = command.iter().map(String::as_str).collect();
+        let ran = crate::support::program::anyhit(&[&command[..], &["--result", file]].concat());
+        let bytes = std::fs::read(&path).unwrap_or_else(|_| panic!("{command:?}: {}{}", ran.out, ran.err));
+        (format!("share-{number}.json"), bytes)
+    };
+    commands.iter().enumerate().map(result).collect()
+}

@@ -203,3 +203,47 @@ pub fn command_line(bytes: &[u8]) -> bool {
         }
     }
 }
+
+/// Reads the result of a share, merges it with itself, and makes the reports of what it holds.
+#[cfg(feature = "cli")]
+pub fn share_result(bytes: &[u8]) -> bool {
+    use anyhit::internals::harness::shares::render::RenderResult;
+    use anyhit::internals::harness::shares::smoke::SmokeResult;
+    use anyhit::internals::harness::shares::{ShareResult, ShareResults, command_of};
+    use anyhit::internals::harness::suite::{SuiteResult, junit, report};
+
+    fn merged<R: ShareResult>(bytes: &[u8]) -> Result<ShareResults<R>, Error> {
+        let path = Path::new("fuzzed.json");
+        let results = ShareResults::<R>::read(path, bytes)?.merge(ShareResults::read(path, bytes)?)?;
+        let _ = (results.missing(), results.to_json()?);
+        Ok(results)
+    }
+    let reports = |command: &str| -> Result<(), Error> {
+        match command {
+            "test" => {
+                let results = merged::<SuiteResult>(bytes)?;
+                SuiteResult::check_shares(&results)?;
+                let result = SuiteResult::of_shares(&results);
+                let _ = (report::json(&result), report::summary(&result), junit(&result, true)?);
+                let _ =
+                    result.coverage.as_ref().map(|coverage| (coverage.lcov(), report::coverage(coverage)));
+                let _ =
+                    (result.shadow().text(), result.shadow().json(None), result.findings(), result.timings());
+            }
+            "smoke" => {
+                let results = merged::<SmokeResult>(bytes)?;
+                SmokeResult::check_shares(&results)?;
+                let result = SmokeResult::of_shares(&results);
+                let _ = (result.json(), result.summary(), result.class());
+                assert!(result.modules.iter().all(|module| module.text().lines().count() == 1));
+            }
+            "render" => drop(RenderResult::picture(&merged::<RenderResult>(bytes)?)?),
+            _ => {}
+        }
+        Ok(())
+    };
+    match command_of(Path::new("fuzzed.json"), bytes).and_then(|command| reports(&command)) {
+        Ok(()) => true,
+        Err(error) => refused(&error),
+    }
+}
