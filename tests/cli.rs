@@ -853,3 +853,41 @@ fn paths_for_other_tools_have_no_dots() {
         assert!(!path.split('/').any(|part| part == ".."), "{path}");
     }
 }
+
+/// A module where a scene is needed, and a file that no scene could name.
+#[test]
+fn a_file_of_another_kind_is_named() {
+    const MODULE: &str = "spirv-fixtures/pass/compute/prefix-sum/main.comp.spv";
+    for command in ["test", "render", "trace-one-ray"] {
+        let (code, out, err) = run(&[command, MODULE]);
+        let text = format!("{out}{err}");
+        assert_eq!((code, text.contains("it is a SPIR-V module, and a scene")), (Some(2), true), "{text}");
+        assert!(text.contains("anyhit scene --init MODULE"), "{text}");
+    }
+    let renamed = scratch(
+        "module.toml",
+        &std::fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join(MODULE)).expect("a module"),
+    );
+    let (code, _, err) = run(&["run", renamed.to_str().expect("UTF-8")]);
+    assert_eq!((code, err.contains("it is a SPIR-V module")), (Some(2), true), "{err}");
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn a_module_runs_whatever_its_name() {
+    use std::ffi::OsStr;
+    use std::os::unix::ffi::OsStrExt;
+    let module = std::fs::read(
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("spirv-fixtures/pass/compute/prefix-sum/main.comp.spv"),
+    );
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("odd-names");
+    std::fs::create_dir_all(&folder).expect("a folder");
+    for name in [&b"m\xe9.spv"[..], b"a\nb.spv", b"a\"'\\b.spv"] {
+        let path = folder.join(OsStr::from_bytes(name));
+        std::fs::write(&path, module.as_ref().expect("a module")).expect("a module");
+        let Output { status, stdout, stderr } =
+            anyhit(&["run"]).arg(&path).output().expect("the command starts");
+        assert_eq!(status.code(), Some(0), "{}", String::from_utf8_lossy(&stderr));
+        assert!(String::from_utf8_lossy(&stdout).contains("sums = [0, 1, 3, 6"));
+    }
+}

@@ -27,6 +27,15 @@ pub(super) fn from_one_u32(text: &str) -> Result<u32, String> {
         .ok_or_else(|| format!("a whole number from 1 to {} is needed", u32::MAX))
 }
 
+/// The size of a subgroup: a power of two from 1 to 128.
+///
+/// # Errors
+/// A message for anything else.
+pub(super) fn subgroup_size(text: &str) -> Result<u32, String> {
+    let number = text.parse().ok().filter(|number: &u32| number.is_power_of_two() && *number <= 128);
+    number.ok_or_else(|| "a subgroup has 1, 2, 4, ... or 128 invocations".to_owned())
+}
+
 /// A finite number above 0.
 ///
 /// # Errors
@@ -66,7 +75,8 @@ pub(super) fn float(text: &str) -> Result<f32, String> {
 /// A message for anything else.
 pub(super) fn ray_time(text: &str) -> Result<f32, String> {
     let number = text.parse().ok().filter(|number| (0.0..=1.0).contains(number));
-    number.ok_or_else(|| "a time from 0 to 1 is needed".to_owned())
+    number
+        .ok_or_else(|| "a time from 0 to 1 is needed (VUID-RuntimeSpirv-OpTraceRayMotionNV-06366)".to_owned())
 }
 
 /// Seconds, above 0.

@@ -10,6 +10,7 @@ use crate::harness::stability::perturb;
 use crate::input::InputLimit;
 use crate::scene::file::SceneFile;
 use crate::scene::read::{Diagnostics, Document, Parse, Table};
+use crate::scene::resolve::refuse_module;
 use crate::scene::{Assembled, Files, LoadOptions, ResolvedScene, RunLimits, SceneFiles, assemble, load};
 use crate::sorted::{SortedSet, sort};
 
@@ -145,6 +146,7 @@ impl Case {
     #[doc(hidden)]
     pub fn of_within(scene: &Path, files: &SceneFiles) -> Result<Vec<Self>> {
         let bytes = files.read_limited(scene, InputLimit::SceneBytes)?;
+        refuse_module(scene, &bytes)?;
         let text = String::from_utf8_lossy(&bytes).into_owned();
         // Mistakes other than of syntax are reported when the case is run.
         let report = Diagnostics::within(files.limits);

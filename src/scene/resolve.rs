@@ -5,6 +5,7 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use crate::escape;
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::geometry::Precision;
 use crate::input::InputLimit;
@@ -95,7 +96,23 @@ pub fn load_text(path: &Path, text: &str, files: &dyn Files, options: &LoadOptio
     Ok(scene.expect("bug in anyhit: a scene failed without a mistake"))
 }
 
+/// Refuses a module where a scene file is needed.
+///
+/// # Errors
+/// `InvalidScene`.
+pub fn refuse_module(path: &Path, bytes: &[u8]) -> Result<()> {
+    // SPIR-V, section 2.3, "Magic Number": in either byte order.
+    if !matches!(bytes, [0x03, 0x02, 0x23, 0x07, ..] | [0x07, 0x23, 0x02, 0x03, ..]) {
+        return Ok(());
+    }
+    let message = "it is a SPIR-V module, and a scene or test file (TOML) is needed here";
+    Err(Error::new(ErrorKind::InvalidScene, message).at(Place::File(path.to_path_buf())).note(
+        "help: `anyhit run`, `smoke` and `inspect` take modules; `anyhit scene --init MODULE` writes a first scene",
+    ))
+}
+
 fn text_of(path: &Path, bytes: Vec<u8>) -> Result<String> {
+    refuse_module(path, &bytes)?;
     String::from_utf8(bytes).map_err(|error| {
         let message = format!("not UTF-8 at byte {}", error.utf8_error().valid_up_to());
         Error::new(ErrorKind::InvalidScene, message).at(Place::File(path.to_path_buf()))
@@ -307,7 +324,7 @@ impl<'a> Resolver<'a> {
     /// Notes that a launch has the size that no file gives; `of` says which launch.
     fn note_default_launch(&self, of: &str) {
         if !self.has_launch {
-            let path = self.own.source().path.display();
+            let path = escape::path(&self.own.source().path);
             self.report.note(format!(
                 "{path}: no `launch`{of}: one invocation runs; `launch = [WIDTH, HEIGHT]` asks for more"
             ));

@@ -12,8 +12,8 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use crate::cli::module_file;
 use crate::cli::run::dump::{binding, invalid};
+use crate::cli::{module_file, numbers};
 use crate::compile::{CompileOptions, DebugInfoLevel, Language, SourceSettings};
 use crate::error::{Error, ErrorKind, Place, Relocation, Result};
 use crate::escape;
@@ -57,7 +57,7 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "[SET,]BINDING=WxH[,FORMAT]|FILE")]
     image: Vec<String>,
     /// SubgroupSize [default: 32]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = numbers::subgroup_size)]
     subgroup_size: Option<u32>,
 }
 
@@ -164,7 +164,7 @@ impl Arguments {
         let entry = self.entry_point(&module, path)?;
         let groups = self.groups()?;
         let text = self.text(path, module, &entry, groups)?;
-        let files = ModuleAndDisk { path: path.to_path_buf(), bytes, limits };
+        let files = ModuleAndDisk { path: named(path).into(), bytes, limits };
         let scene = load_text(Path::new(COMMAND_LINE), &text.text, &files, &LoadOptions::default());
         match scene {
             Ok(_) if text.too_large.is_some() => Err(invalid(text.too_large.unwrap_or_default())),
@@ -258,7 +258,7 @@ impl Arguments {
         let sides: [u64; 3] = array::from_fn(|axis| u64::from(groups[axis]) * u64::from(size[axis]));
         let invocations: u64 = sides.iter().fold(1, |count: u64, &side| count.saturating_mul(side));
 
-        let file = quoted(&path.to_string_lossy());
+        let file = quoted(&named(path));
         let groups_text = format!("--groups {}", self.groups.as_deref().unwrap_or("1"));
         let groups_flag = Origin::Flag(groups_text.clone());
         let is_too_large = invocations >= 1 << 40 || sides.iter().any(|&side| side > u64::from(u32::MAX));
@@ -431,6 +431,12 @@ fn read(path: &Path, streamed: Option<Vec<u8>>, limits: &InputLimits) -> Result<
     }
     let options = CompileOptions { debug: DebugInfoLevel::Lines, ..CompileOptions::default() };
     module_file::compile(path, limits, &SourceSettings::of(path), &options)
+}
+
+/// What the scene calls the module, whatever its path has that no scene can hold: bytes that are
+/// no Unicode, control characters.
+fn named(path: &Path) -> String {
+    escape::path(path).to_string()
 }
 
 /// A TOML string.

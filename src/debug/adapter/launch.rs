@@ -6,6 +6,7 @@ use crate::debug::console::Console;
 use crate::debug::debugger::Debugger;
 use crate::debug::session::Session;
 use crate::error::Result;
+use crate::escape;
 
 use super::data_breakpoints::DataBreakpoints;
 use super::launch_arguments::LaunchArguments;
@@ -75,7 +76,7 @@ impl Adapter {
         debugger.given_up_by(self.flags.stop.clone());
         let sources = Sources::new(&debugger, &*self.host, path);
         for note in notes {
-            let output = format!("note: {note}\n");
+            let output = format!("note: {}\n", escape::line(note));
             self.outbox.event("output", json!({ "category": "console", "output": output }));
         }
         Ok(Launched {

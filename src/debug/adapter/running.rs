@@ -7,6 +7,7 @@ use serde_json::{Value, json};
 use crate::debug::console::traversal_events;
 use crate::debug::debugger::{SourcePosition, Stepping, StopReason};
 use crate::error::Error;
+use crate::escape;
 
 use super::exceptions::Exception;
 use super::initialize::Client;
@@ -161,7 +162,8 @@ impl Adapter {
         let Some(launched) = &mut self.launched else { return };
         let all = launched.console.debugger.all_output();
         for printed in &all[launched.sent_output.min(all.len())..] {
-            let text = &printed.text;
+            // Clients show sequences of colours, and others, as a terminal does.
+            let text = escape::printed(&printed.text, false);
             let end = if text.ends_with('\n') { "" } else { "\n" };
             let mut event = json!({ "category": "stdout", "output": format!("{text}{end}") });
             launched.add_position(&mut event, printed.position, self.client);

@@ -77,7 +77,6 @@ fn word(label: &str) -> String {
 #[cfg(test)]
 mod tests {
     use crate::debug::drawing::tests::drawing;
-    use crate::escape;
 
     #[test]
     fn each_part_is_a_group_and_vertices_are_counted_on() {

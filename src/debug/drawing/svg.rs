@@ -58,7 +58,6 @@ fn colour(role: Role) -> String {
 #[cfg(test)]
 mod tests {
     use crate::debug::drawing::tests::drawing;
-    use crate::escape;
 
     #[test]
     fn names_of_scenes_are_escaped() {
