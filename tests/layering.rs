@@ -3,8 +3,8 @@
 //! `cli -> harness -> {debug, drawing, recording, stress, check_math} -> scene -> {sanitize,
 //! compile} -> pipeline -> interp -> program -> ops -> {module, machine -> accel} -> geometry ->
 //! math -> {input, atomic_file} -> error -> {escape, sorted}`: a folder may import what stands to
-//! its right. A few crates are named in one place only, readers of files in one file, files are written in one
-//! place, and only the command line prints.
+//! its right. A few crates are named in one place only, readers of files in one file, files are
+//! written in one place, and only the command line prints.
 
 use std::fs;
 use std::path::Path;

@@ -334,7 +334,8 @@ impl<'w> Loader<'w> {
             .expect("bug in anyhit: the grammar has seen the end of this string");
         self.module.entry_points.push(EntryPoint {
             stage: Stage::of(self.words[span.start + 1]),
-            name: escape::into_line(name),
+            // Scenes name it: format characters stay, as in their keys.
+            name: escape::controls(&name).into_owned(),
             function: self.id(span.start + 2),
             interface: self.words[name_at + count..span.end].iter().copied().map(Id).collect(),
             modes: Vec::new(),
