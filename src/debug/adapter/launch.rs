@@ -76,7 +76,7 @@ impl Adapter {
         debugger.given_up_by(self.flags.stop.clone());
         let sources = Sources::new(&debugger, &*self.host, path);
         for note in notes {
-            let output = format!("note: {}\n", escape::line(note));
+            let output = format!("note: {}\n", escape::line(&note));
             self.outbox.event("output", json!({ "category": "console", "output": output }));
         }
         Ok(Launched {

@@ -5,9 +5,9 @@ use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
 
-use crate::escape;
 use crate::error::names::{list_of, nearest};
 use crate::error::{Error, ErrorKind, Place, Result};
+use crate::escape;
 use crate::harness::host_layout::HostType;
 use crate::harness::host_layout::c_declarations::CDeclarations;
 use crate::harness::host_layout::rust_source::RustItems;
