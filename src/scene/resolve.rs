@@ -5,8 +5,8 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use crate::escape;
 use crate::error::{Error, ErrorKind, Place, Result};
+use crate::escape;
 use crate::geometry::Precision;
 use crate::input::InputLimit;
 use crate::machine::PrintedBytes;
