@@ -220,7 +220,7 @@ impl Checker<'_> {
         // Relaxed block layout aligns vectors as their components are.
         let rule = if is_vector { Alignment::Scalar } else { self.alignment };
         match self.alignment_of(part, rule) {
-            Some(alignment) if offset % alignment != 0 => {
+            Some(alignment) if !offset.is_multiple_of(alignment) => {
                 let what = format!("at offset {offset} is not aligned to {alignment} bytes");
                 self.owner_fault(part, &what, self.alignment_rule())
             }
@@ -236,7 +236,7 @@ impl Checker<'_> {
         let straddles = match size {
             0 => false,
             1..=STRADDLE => first / STRADDLE != (first + (size - 1)) / STRADDLE,
-            _ => first % STRADDLE != 0,
+            _ => !first.is_multiple_of(STRADDLE),
         };
         match straddles {
             true => {
@@ -267,7 +267,9 @@ impl Checker<'_> {
         if stride == 0 {
             return self.owner_fault(part, "has an array of ArrayStride 0", OVERLAP);
         }
-        if let Some(alignment) = self.alignment_of(part, self.alignment).filter(|to| stride % to != 0) {
+        if let Some(alignment) =
+            self.alignment_of(part, self.alignment).filter(|&to| !stride.is_multiple_of(to))
+        {
             let what = format!("has an array of ArrayStride {stride}, not aligned to {alignment} bytes");
             return self.owner_fault(part, &what, self.alignment_rule());
         }
@@ -300,7 +302,9 @@ impl Checker<'_> {
         if self.is_required && !self.has_order(part) {
             return self.owner_fault(part, "is a matrix with neither RowMajor nor ColMajor", DECORATED);
         }
-        if let Some(alignment) = self.alignment_of(part, self.alignment).filter(|to| stride % to != 0) {
+        if let Some(alignment) =
+            self.alignment_of(part, self.alignment).filter(|&to| !stride.is_multiple_of(to))
+        {
             let what = format!("is a matrix of MatrixStride {stride}, not aligned to {alignment} bytes");
             return self.owner_fault(part, &what, self.alignment_rule());
         }
