@@ -118,6 +118,7 @@ pub use compile::{CompileOptions, CompilerFlags, DebugInfoLevel, Language, Optim
 pub use input::{InputLimit, InputLimits};
 pub use module::Module;
 pub use module::interface::{EntryPoint, Stage};
+pub use module::validate::{ValidationClass, ValidationFinding};
 pub use program::Program;
 
 // A shader in a unit test.

@@ -61,7 +61,7 @@ fn every_type_is_shown_and_crosses_threads() {
         PipelineBuilder PipelineFlags Place PrintedLine Program Ray RayFlags RayOperands ReportedHit Sampler
         Sbt SbtRecord Scene SceneOutcome ShaderFrame ShaderOutcome ShaderTest SmokeOptions SmokeReport
         Source Srt Stage Stats StreamedImage StructData Texels TraceCall TraceRay Traced Trap TrapCode
-        TrapOperands TypedBytes Value Warning
+        TrapOperands TypedBytes ValidationClass ValidationFinding Value Warning
     }
     let types = items()
         .into_iter()

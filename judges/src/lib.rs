@@ -2,8 +2,9 @@
 //!
 //! `tests/folding.rs` lets it fold instructions on constants, `tests/optimised.rs` lets it optimise
 //! every fixture, `tests/random_modules.rs` runs each of its passes on random modules,
-//! `tests/verdict.rs` lets it validate mutants of the fixtures, `tests/smoke.rs` compares what
-//! `smoke` says of a module before and after `-O`. `.ci/judges` runs them.
+//! `tests/verdict.rs` and `tests/validation.rs` let it validate mutants of the fixtures,
+//! `tests/smoke.rs` compares what `smoke` says of a module before and after `-O`. `.ci/judges` runs
+//! them.
 
 pub mod list;
 #[path = "../../tests/support/mutate.rs"]
@@ -12,6 +13,7 @@ pub mod passes;
 pub mod process;
 #[path = "../../tests/support/recorded.rs"]
 pub mod recorded;
+pub mod validation;
 pub mod verdict;
 
 use spirv_tools::TargetEnv;

@@ -27,6 +27,21 @@ impl InputLimitArgs {
     }
 }
 
+/// How strictly modules are judged.
+#[derive(Args, Clone, Copy, Debug, Default)]
+pub(super) struct StrictArgs {
+    /// Reject a module that uses a capability or an extension without declaring it, instead of
+    /// warning
+    #[arg(long)]
+    strict: bool,
+}
+
+impl StrictArgs {
+    pub(super) fn is_set(self) -> bool {
+        self.strict
+    }
+}
+
 /// Which variant of a scene is meant.
 #[derive(Args, Clone, Debug, Default)]
 pub(super) struct VariantArgs {
@@ -43,9 +58,16 @@ pub(super) struct SceneFileArgs {
     root: Option<PathBuf>,
     #[command(flatten)]
     limits: InputLimitArgs,
+    #[command(flatten)]
+    strict: StrictArgs,
 }
 
 impl SceneFileArgs {
+    /// Whether a module that lacks a declaration is rejected.
+    pub(super) fn strict(&self) -> bool {
+        self.strict.is_set()
+    }
+
     /// The limits.
     pub(super) fn limits(&self) -> InputLimits {
         self.limits.limits()
@@ -58,7 +80,7 @@ impl SceneFileArgs {
 
     /// How files are read that a scene names.
     pub(super) fn files(&self) -> Result<SceneFiles> {
-        Ok(SceneFiles { limits: self.limits(), root: self.root()? })
+        Ok(SceneFiles { limits: self.limits(), root: self.root()?, strict: self.strict.is_set() })
     }
 
     /// Reads a scene from a file, a pipe, or for `-` from standard input. What a pipe's scene names

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use clap::Args;
 use serde::Serialize;
 
-use crate::cli::input::InputLimitArgs;
+use crate::cli::input::{InputLimitArgs, StrictArgs};
 use crate::cli::source::SourceArgs;
 use crate::cli::{module_file, output};
 use crate::error::{Error, ErrorKind, ErrorReport, Result};
@@ -21,6 +21,7 @@ use crate::module::interface::{EntryPoint, InterfaceVariable};
 use crate::module::names::{
     addressing_model_name, builtin_name, capability_name, memory_model_name, storage_class_name,
 };
+use crate::module::validate::ValidationFinding;
 use crate::program::layout::{Layout, Rules};
 use crate::program::struct_lookup::{StructTable, base_name, find, name_of, structs};
 use crate::program::{self, obstacles};
@@ -50,6 +51,8 @@ pub(super) struct InspectArgs {
     how: SourceArgs,
     #[command(flatten)]
     limits: InputLimitArgs,
+    #[command(flatten)]
+    strict: StrictArgs,
     /// Print JSON
     #[arg(long)]
     json: bool,
@@ -58,14 +61,16 @@ pub(super) struct InspectArgs {
 /// Runs the command. Entry points that are not supported are a finding, not an error.
 ///
 /// # Errors
-/// What reading, compiling and loading the module reports.
+/// What reading, compiling and loading the module reports; `InvalidModule` after the report where
+/// [`Module::validate`] finds a fault, or any rule broken under `--strict`.
 pub(super) fn run(args: InspectArgs) -> Result<()> {
     let json = args.json;
-    let differences = inspect(args).map_err(|error| output::json_error(json, error))?;
-    if differences.is_empty() { Ok(()) } else { Err(Error::several(differences)) }
+    let errors = inspect(args).map_err(|error| output::json_error(json, error))?;
+    if errors.is_empty() { Ok(()) } else { Err(Error::several(errors)) }
 }
 
-/// Prints what is asked for, and returns the differences of compared layouts.
+/// Prints what is asked for, and returns the differences of compared layouts, or the rules that
+/// make the module invalid.
 fn inspect(args: InspectArgs) -> Result<Vec<Error>> {
     // In `inspect --layout FILE` what looks like a struct's name is the module.
     let (path, layout) = match (args.module, args.layout) {
@@ -91,13 +96,15 @@ fn inspect(args: InspectArgs) -> Result<Vec<Error>> {
         print_layouts(&module, &path, name.as_deref(), args.json)?;
         return Ok(Vec::new());
     }
+    let strict = args.strict.is_set();
     let report = ModuleReport::of(&module);
     if args.json {
         print_json(&report, &path)?;
     } else {
-        output::print(format_args!("{}\n{}", escape::path(&path), report.text()))?;
+        output::print(format_args!("{}\n{}", escape::path(&path), report.text(strict)))?;
     }
-    Ok(Vec::new())
+    let errors = report.validation.iter().filter(|finding| strict || finding.class.is_fault());
+    Ok(errors.map(ValidationFinding::error).collect())
 }
 
 fn print_json(value: &impl Serialize, path: &Path) -> Result<()> {
@@ -187,6 +194,8 @@ struct ModuleReport {
     instruction_sets: Vec<String>,
     sizes: Sizes,
     debug_info: DebugInfoReport,
+    /// The rules that it breaks as a whole.
+    validation: Vec<ValidationFinding>,
     entry_points: Vec<EntryReport>,
 }
 
@@ -270,12 +279,13 @@ impl ModuleReport {
                     .map(|file| SourceFile { name: file.name.clone(), text: file.text.is_some() })
                     .collect(),
             },
+            validation: module.validate(),
             entry_points: module.entry_points.iter().map(|entry| EntryReport::of(module, entry)).collect(),
         }
     }
 
-    /// Renders the report as text.
-    fn text(&self) -> String {
+    /// Renders the report as text; errors are left to who prints them.
+    fn text(&self, strict: bool) -> String {
         let mut out = String::new();
         let list = |items: &[String]| match items {
             [] => "none".to_owned(),
@@ -312,6 +322,9 @@ impl ModuleReport {
         for (name, value) in facts {
             // Writing to a string does not fail.
             let _ = writeln!(out, "  {name:<17}  {value}");
+        }
+        for finding in self.validation.iter().filter(|finding| !(strict || finding.class.is_fault())) {
+            write_indented(&mut out, &finding.diagnostic(true).render());
         }
         for entry in &self.entry_points {
             entry.write_text(&mut out);
@@ -364,11 +377,16 @@ impl EntryReport {
             let _ = writeln!(out, "{}", line.trim_end());
         }
         for finding in &self.findings {
-            out.push('\n');
-            for line in finding.render().trim_end().lines() {
-                let _ = writeln!(out, "  {}", line.trim_end());
-            }
+            write_indented(out, &finding.render());
         }
+    }
+}
+
+/// Writes a rendered diagnostic behind an empty line.
+fn write_indented(out: &mut String, rendered: &str) {
+    out.push('\n');
+    for line in rendered.trim_end().lines() {
+        let _ = writeln!(out, "  {}", line.trim_end());
     }
 }
 

@@ -78,6 +78,19 @@ pub(super) fn compile(
     Ok((compiled.spirv, module))
 }
 
+/// Prints a warning for each declaration that a module lacks; rejects the module where the user is
+/// strict.
+///
+/// # Errors
+/// `InvalidModule` with all that the module uses without declaring it.
+pub(super) fn check_declarations(path: &Path, module: Module, strict: bool) -> Result<Module> {
+    if strict {
+        module.check_declarations().map_err(|error| error.at(Place::File(path.to_owned())))?;
+    }
+    output::notes(&module.declaration_warnings(&escape::path(&path).to_string()));
+    Ok(module)
+}
+
 /// The error for text where SPIR-V's binary form is wanted.
 fn source_text(path: &Path, bytes: &[u8]) -> Option<Error> {
     let text = std::str::from_utf8(bytes).ok().filter(|text| !text.is_empty() && !text.contains('\0'))?;

@@ -111,9 +111,15 @@ pub(super) fn hint(text: impl Display) {
     let _ = writeln!(stderr().lock(), "{}", escape::text(&text.to_string(), false));
 }
 
-/// Prints notes to standard error, a line each.
+/// Prints notes to standard error, a line each; a warning among them says so.
 pub(super) fn notes(notes: &[String]) {
-    notes.iter().for_each(|note| hint(format_args!("note: {}", escape::line(note))));
+    for note in notes {
+        let note = escape::line(note);
+        match note.starts_with("warning: ") {
+            true => hint(note),
+            false => hint(format_args!("note: {note}")),
+        }
+    }
 }
 
 /// Prints what a compiler warned of to standard error, a line each.

@@ -108,7 +108,8 @@ pub(super) fn run(args: RunArgs) -> Result<()> {
             ));
         }
         false => {
-            let (scene, command_line) = args.bare_module.scene(&args.file, streamed, args.files.limits())?;
+            let (scene, command_line) =
+                args.bare_module.scene(&args.file, streamed, args.files.limits(), args.files.strict())?;
             return run_scene(&args, scene, false, begin).map_err(|error| command_line.reported(error));
         }
     };

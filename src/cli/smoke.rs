@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use clap::Args;
 
-use crate::cli::input::InputLimitArgs;
+use crate::cli::input::{InputLimitArgs, StrictArgs};
 use crate::cli::limits::LaunchLimitArgs;
 use crate::cli::share::ShareArgs;
 use crate::cli::smoke::modules::ModulesToRun;
@@ -41,6 +41,8 @@ pub(super) struct SmokeArgs {
     how: SourceArgs,
     #[command(flatten)]
     limits: InputLimitArgs,
+    #[command(flatten)]
+    strict: StrictArgs,
     /// Print JSON
     #[arg(long)]
     json: bool,
@@ -106,6 +108,7 @@ pub(super) fn run(args: SmokeArgs) -> Result<()> {
     };
     let (limits, words, min_coverage) =
         (args.limits.limits(), args.how.words(), args.min_coverage.unwrap_or(0.0));
+    let strict = args.strict.is_set();
     let several = match &args.modules[..] {
         [path] => args.share.is_requested() || path.is_dir(),
         _ => true,
@@ -118,11 +121,13 @@ pub(super) fn run(args: SmokeArgs) -> Result<()> {
             min_coverage,
             jobs: args.jobs.map_or(0, usize::from),
             sarif: args.sarif.clone(),
+            strict,
         };
         return many.run(&args.modules, &args.share, args.json);
     }
     let path = &args.modules[0];
-    let module = module_file::read_or_compile(path, &limits, &words);
+    let module = module_file::read_or_compile(path, &limits, &words)
+        .and_then(|module| module_file::check_declarations(path, module, strict));
     let module = Arc::new(module.map_err(|error| output::json_error(args.json, error))?);
     let report = SmokeReport::of(&module, options);
     let verdict = verdict(&report, min_coverage);

@@ -152,6 +152,7 @@ impl<'w> Loader<'w> {
                 debug_info: DebugInfo::default(),
                 scopes: OnceLock::new(),
                 faults: OnceLock::new(),
+                undeclared: OnceLock::new(),
                 result_types: IdMap::like(&definitions),
                 definitions,
                 warnings: Vec::new(),

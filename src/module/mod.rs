@@ -208,6 +208,8 @@ pub struct Module {
     /// Findings of [`Module::validate`] that make the module invalid, once lowering has asked for
     /// them.
     faults: OnceLock<Vec<ValidationFinding>>,
+    /// Its other findings, once somebody has asked for them.
+    undeclared: OnceLock<Vec<ValidationFinding>>,
     /// What each id defines.
     #[doc(hidden)]
     pub definitions: IdMap<Definition>,

@@ -150,6 +150,12 @@ fn assemble_excluding(
     let own = |dispatch: &Dispatch| scene.device.check_module(&dispatch.compute.program.module).err();
     errors.extend(dispatches.iter().filter_map(own));
     let warnings = shaders.warnings();
+    if scene.files.strict {
+        errors.extend(shaders.modules().filter_map(|(shader, module)| {
+            let context = |error: Error| error.context(format!("shader `{}`", shader.name));
+            module.check_declarations().err().map(context)
+        }));
+    }
     if !errors.is_empty() {
         let error = deduplicate(errors, scene.files.limits.get(InputLimit::ErrorsShown));
         // A binding that is not where the source says, for one, is only understood by them.
@@ -157,6 +163,10 @@ fn assemble_excluding(
     }
     let programs = || shaders.programs.iter().map(|(.., program)| &**program);
     let mut notes = warnings;
+    let undeclared = |(shader, module): (&ShaderModule, &Arc<Module>)| {
+        module.declaration_warnings(&format!("shader `{}`", shader.name))
+    };
+    notes.extend(shaders.modules().flat_map(undeclared));
     notes.extend(descriptors::stride_notes(scene, programs()));
     notes.extend(descriptors::missing_note(scene, programs()));
     let passes = passes(scene, &pipelines, dispatches.len(), addresses)?;
@@ -238,14 +248,20 @@ impl<'a> Shaders<'a> {
         self.loaded.entry(index).or_insert_with(read).clone()
     }
 
+    /// The modules that were loaded, in the order of the scene.
+    fn modules(&self) -> impl Iterator<Item = (&ShaderModule, &Arc<Module>)> {
+        self.scene.shaders.iter().enumerate().filter_map(|(index, shader)| {
+            let own = || self.loaded.get(&index).and_then(|module| module.as_ref().ok());
+            self.scene.loaded.get(&index).or_else(own).map(|module| (shader, module))
+        })
+    }
+
     /// What the compilers of its sources warned of, a line each.
     fn warnings(&self) -> Vec<String> {
         let most =
             usize::try_from(self.scene.files.limits.get(InputLimit::ErrorsShown)).unwrap_or(usize::MAX);
         let mut warnings = Vec::new();
-        for index in 0..self.scene.shaders.len() {
-            let own = self.loaded.get(&index).and_then(|module| module.as_ref().ok());
-            let Some(module) = self.scene.loaded.get(&index).or(own) else { continue };
+        for (_, module) in self.modules() {
             for warning in &module.warnings {
                 let text = format!("warning of the compiler: {warning}");
                 if warnings.len() < most && !warnings.contains(&text) {

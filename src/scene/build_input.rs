@@ -216,7 +216,7 @@ mod tests {
 
     fn message(geometry: &str, limits: InputLimits) -> String {
         let text = format!("version = 1\n[geometry.a]\n{geometry}\n");
-        let files = SceneFiles { limits, root: None };
+        let files = SceneFiles { limits, ..SceneFiles::default() };
         load_text(Path::new("s.toml"), &text, &files, &LoadOptions::default()).unwrap_err().render()
     }
 

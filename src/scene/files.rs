@@ -34,6 +34,11 @@ pub trait Files {
         None
     }
 
+    /// Returns true if a module that lacks a declaration is rejected.
+    fn strict(&self) -> bool {
+        false
+    }
+
     /// Counts bytes that a scene is about to hold, before they are allocated.
     ///
     /// # Errors
@@ -69,6 +74,9 @@ pub struct SceneFiles {
     pub limits: InputLimits,
     /// The folder that paths may not leave, links followed.
     pub root: Option<RootFolder>,
+    /// Whether a module is rejected that uses a capability or an extension without declaring it
+    /// (`--strict`); else that is a warning.
+    pub strict: bool,
 }
 
 impl SceneFiles {
@@ -97,6 +105,10 @@ impl Files for SceneFiles {
 
     fn root(&self) -> Option<&RootFolder> {
         self.root.as_ref()
+    }
+
+    fn strict(&self) -> bool {
+        self.strict
     }
 }
 
@@ -129,6 +141,10 @@ impl Files for Counted<'_> {
 
     fn limits(&self) -> InputLimits {
         self.files.limits()
+    }
+
+    fn strict(&self) -> bool {
+        self.files.strict()
     }
 
     fn root(&self) -> Option<&RootFolder> {
@@ -212,7 +228,7 @@ mod tests {
     fn what_a_scene_holds_is_counted_until_the_limit() {
         let limits =
             InputLimits::default().with(InputLimit::SceneMemory, 10).with(InputLimit::ScenePrimitives, 3);
-        let files = SceneFiles { limits, root: None };
+        let files = SceneFiles { limits, ..SceneFiles::default() };
         let counted = Counted::new(&files);
         assert!(counted.reserve(6).is_ok() && counted.reserve(4).is_ok());
         let error = counted.reserve(1).unwrap_err();

@@ -313,7 +313,11 @@ impl<'a> Resolver<'a> {
             rays: self.rays,
             document: self.own,
             notes: self.report.take_notes(),
-            files: SceneFiles { limits: self.files.limits(), root: self.files.root().cloned() },
+            files: SceneFiles {
+                limits: self.files.limits(),
+                root: self.files.root().cloned(),
+                strict: self.files.strict(),
+            },
         };
         if self.report.is_empty() {
             assign_addresses::check(&scene, self.report);

@@ -61,6 +61,8 @@ pub fn load(bytes: &[u8]) -> bool {
     for entry in &module.entry_points {
         let _ = module.interface_of(entry);
     }
+    let words = module.words.len();
+    assert!(module.validate().iter().all(|finding| finding.word < words && !finding.fix.is_empty()));
     for block in module.functions.iter().flat_map(|function| &function.blocks) {
         for instruction in &block.instructions {
             let _ = module.debug_info.line_at(instruction.offset);

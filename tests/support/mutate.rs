@@ -5,6 +5,8 @@
 //! the rest breaks one rule, and rarely a second one.
 
 // With their paths, as another crate names this file by its own.
+#[path = "mutate/declarations.rs"]
+mod declarations;
 #[path = "mutate/instructions.rs"]
 mod instructions;
 #[path = "mutate/opcodes.rs"]

@@ -117,6 +117,8 @@ struct ModuleAndDisk {
     path: PathBuf,
     bytes: Vec<u8>,
     limits: InputLimits,
+    /// Whether a module that lacks a declaration is rejected.
+    strict: bool,
 }
 
 impl Files for ModuleAndDisk {
@@ -129,6 +131,10 @@ impl Files for ModuleAndDisk {
 
     fn limits(&self) -> InputLimits {
         self.limits
+    }
+
+    fn strict(&self) -> bool {
+        self.strict
     }
 }
 
@@ -159,12 +165,13 @@ impl Arguments {
         path: &Path,
         streamed: Option<Vec<u8>>,
         limits: InputLimits,
+        strict: bool,
     ) -> Result<(ResolvedScene, CommandLineScene)> {
         let (bytes, module) = read(path, streamed, &limits)?;
         let entry = self.entry_point(&module, path)?;
         let groups = self.groups()?;
         let text = self.text(path, module, &entry, groups)?;
-        let files = ModuleAndDisk { path: named(path).into(), bytes, limits };
+        let files = ModuleAndDisk { path: named(path).into(), bytes, limits, strict };
         let scene = load_text(Path::new(COMMAND_LINE), &text.text, &files, &LoadOptions::default());
         match scene {
             Ok(_) if text.too_large.is_some() => Err(invalid(text.too_large.unwrap_or_default())),

@@ -35,6 +35,8 @@ pub(super) struct ModulesToRun {
     pub jobs: usize,
     /// The file that findings are written to as SARIF.
     pub sarif: Option<PathBuf>,
+    /// Whether a module that lacks a declaration is rejected.
+    pub strict: bool,
 }
 
 impl ModulesToRun {
@@ -76,7 +78,9 @@ impl ModulesToRun {
     /// What became of a module, and what the sanitizer found in it.
     fn module(&self, place: usize, path: &Path) -> (ModuleResult, Vec<FindingRecord>) {
         let file = escape::path(&path).to_string();
-        let module = match module_file::read_or_compile(path, &self.limits, &self.words) {
+        let module = module_file::read_or_compile(path, &self.limits, &self.words)
+            .and_then(|module| module_file::check_declarations(path, module, self.strict));
+        let module = match module {
             Ok(module) => Arc::new(module),
             Err(error) => {
                 let unloaded = ModuleResult {

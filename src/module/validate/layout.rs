@@ -22,12 +22,13 @@ const BOOL: &str = "SPIR-V, 3.3.6, OpTypeBool: it has no size, and is stored in 
 /// Checks the layouts of all blocks of a module, with every feature of a device that allows more.
 pub(super) fn check(module: &Module) -> Vec<ValidationFinding> {
     let faults = layout_faults(module, LayoutFeatures::ALL, &|id| module.scalar_value(id));
-    faults.into_iter().map(|(word, id, fault)| finding(word, id, fault)).collect()
+    faults.into_iter().map(|(word, id, fault)| finding(module, word, id, fault)).collect()
 }
 
-fn finding(word: usize, id: Option<Id>, fault: LayoutFault) -> ValidationFinding {
+fn finding(module: &Module, word: usize, id: Option<Id>, fault: LayoutFault) -> ValidationFinding {
     let LayoutFault { message, rule, fix } = fault;
-    ValidationFinding::new(ValidationClass::Layout, rule, (word, id), message, fix)
+    let name = id.map_or_else(String::new, |id| module.name_or_number(id));
+    ValidationFinding::new(ValidationClass::Layout, name, rule, (word, id), message, fix)
 }
 
 /// The first fault of each block of a module: the word of its variable, or of the first instruction

@@ -255,8 +255,10 @@ mod tests {
             )
         };
         let text = format!("version = 1\n{}{more}", elements.iter().map(buffer).collect::<String>());
-        let files =
-            SceneFiles { limits: InputLimits::default().with(InputLimit::SceneMemory, memory), root: None };
+        let files = SceneFiles {
+            limits: InputLimits::default().with(InputLimit::SceneMemory, memory),
+            ..SceneFiles::default()
+        };
         load_text(Path::new("s.toml"), &text, &files, &LoadOptions::default())
     }
 

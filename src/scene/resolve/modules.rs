@@ -153,7 +153,11 @@ impl Resolver<'_> {
     }
 
     fn load_module(&self, name: &str, entry: &ShaderEntry, key: &ModuleKey) -> Result<Arc<Module>> {
-        let files = SceneFiles { limits: self.files.limits(), root: self.files.root().cloned() };
+        let files = SceneFiles {
+            limits: self.files.limits(),
+            root: self.files.root().cloned(),
+            strict: self.files.strict(),
+        };
         let load = |module| assemble::read(module, &files).map(Arc::new);
         if let Some(&index) = self.module_places.get(key) {
             return load(&self.modules[index]);
