@@ -7,24 +7,29 @@ use anyhit::internals::machine::image::{Dimension, Image, ImageShape};
 use anyhit::internals::machine::sampler::Sampler;
 use anyhit::internals::machine::{Buffer, Descriptor, Resources};
 use anyhit::internals::module::{self, Module};
-use anyhit::internals::pipeline::Compute;
+use anyhit::internals::pipeline::{Compute, Launch};
 use anyhit::internals::program::lower;
 use anyhit::internals::sanitize::{Findings, Levels, ProgramPlan, Sanitizer};
-use anyhit::{CompileOptions, Component, Format, Source};
+use anyhit::{CompileOptions, Component, ComputeTest, Format, Pipeline, ShaderTest, Source};
 
 use crate::support::assembly::assemble;
 
 /// The module of a compute shader in GLSL, of which the version and the directives are left out.
 fn module(text: &str) -> Module {
+    compiled("main.comp", text)
+}
+
+/// The module of a shader in GLSL, of which the version and the directives are left out.
+fn compiled(name: &str, text: &str) -> Module {
     let text = format!(
-        "#version 460\n#extension GL_KHR_shader_subgroup_arithmetic : enable\n\
+        "#version 460\n#extension GL_EXT_ray_tracing : enable\n#extension GL_KHR_shader_subgroup_arithmetic : enable\n\
          #extension GL_KHR_shader_subgroup_ballot : enable\n\
          #extension GL_KHR_shader_subgroup_shuffle : enable\n\
          #extension GL_EXT_shader_explicit_arithmetic_types : enable\n\
          #extension GL_EXT_shader_atomic_float : enable\n\
          #extension GL_EXT_debug_printf : enable\n{text}"
     );
-    let source = Source::from_text("main.comp", text).expect("a source");
+    let source = Source::from_text(name, text).expect("a source");
     let spirv = source.compile(&CompileOptions::default());
     module::load(&spirv.unwrap_or_else(|error| panic!("{}", error.render()))).expect("a module")
 }
@@ -404,4 +409,82 @@ fn outside_an_image_the_run_goes_on() {
     let read: Vec<f32> = bytemuck::pod_collect_to_vec(&results.bytes());
     // Zeros and an alpha of 1; the atomic instructions return 0, inside as well.
     assert_eq!(read, [1.0; 4]);
+}
+
+/// Entrances for one shader check what nothing reads, too, in every stage.
+#[test]
+fn single_shaders_are_checked_where_nothing_reads_a_value() {
+    let load = |index: &str| {
+        format!(
+            "layout(set = 0, binding = 0) readonly buffer X {{ float x[]; }};
+             layout(location = 0) rayPayloadInEXT vec4 color;
+             void main() {{ float a = x[{index}]; color = vec4(0.5); }}"
+        )
+    };
+    for stage in ["main.rmiss", "main.rchit", "main.rahit"] {
+        let test = |index: &str| {
+            let module = Arc::new(compiled(stage, &load(index)));
+            let test = ShaderTest::new(&module, "main").expect("a shader").buffer(0, 0, &[1.0f32; 4]);
+            test.payload(&[0.0f32; 4]).sanitize()
+        };
+        let error = test("gl_LaunchIDEXT.x + 4").expect_err("a load outside");
+        assert!(error.trap().is_some(), "{stage}: {}", error.render());
+        assert!(test("gl_LaunchIDEXT.x").is_ok(), "{stage}");
+    }
+    let text = |index: &str| {
+        format!(
+            "layout(local_size_x = 2) in;
+             layout(set = 0, binding = 0) buffer X {{ float x[]; }};
+             void main() {{ float a = x[{index}]; x[gl_LocalInvocationIndex] = 2.0; }}"
+        )
+    };
+    let test = |index: &str| {
+        let module = Arc::new(module(&text(index)));
+        ComputeTest::new(&module, "main").expect("a shader").buffer(0, 0, &[1.0f32; 4])
+    };
+    assert!(test("90").run().is_ok());
+    assert!(test("90").sanitize().expect_err("a load outside").trap().is_some());
+    assert!(test("gl_LocalInvocationIndex").sanitize().is_ok());
+}
+
+/// What a shader hands to another one keeps the instruction that made a NaN.
+#[test]
+fn a_nan_is_followed_from_shader_to_shader() {
+    let caller = "layout(set = 0, binding = 0) readonly buffer X { float x[]; };
+                  layout(location = 0) callableDataEXT vec2 given;
+                  void main() { given = vec2(1.0, x[0] / x[1]); executeCallableEXT(0, 0); }";
+    let called = "layout(set = 0, binding = 1) buffer Y { uint y; };
+                  layout(location = 0) callableDataInEXT vec2 given;
+                  void main() { y = floatBitsToUint(given.y); }";
+    let program = |name: &str, text: &str| {
+        let module = Arc::new(compiled(name, text));
+        lower(&module, &module.entry_points[0]).expect("a program")
+    };
+    let pipeline = Pipeline::builder()
+        .ray_generation(program("main.rgen", caller))
+        .and_then(|builder| builder.callable(program("main.rcall", called)))
+        .and_then(|builder| builder.build())
+        .and_then(|pipeline| pipeline.for_sanitizer())
+        .expect("a pipeline");
+    let plans: Vec<_> = pipeline.programs.iter().map(ProgramPlan::new).collect();
+    let levels = Levels::default();
+    let rules = |input: [f32; 2]| -> Vec<&'static str> {
+        let resources = Resources::default().bind(0, 0, floats(&input)).bind(0, 1, floats(&[0.0]));
+        let mut sanitizer = Sanitizer::new(&plans, &levels).of_pipeline(&pipeline);
+        let launch = Launch { pipeline: &pipeline, resources: &resources };
+        launch.run_observed([1; 3], &mut |_| (), &mut sanitizer).expect("a launch");
+        sanitizer.into_findings().iter().map(|finding| finding.rule.id).collect()
+    };
+    assert_eq!(rules([0.0, 0.0]), ["ulp-domain"]);
+    assert_eq!(rules([3.0, 2.0]), [""; 0]);
+    // The attributes of a hit are reported where they are handed over.
+    let reports = "layout(set = 0, binding = 0) readonly buffer X { float x[]; };
+                   hitAttributeEXT vec2 attributes;
+                   void main() { attributes = vec2(1.0, x[0] / x[1]); reportIntersectionEXT(1.0, 0); }";
+    let module = Arc::new(compiled("main.rint", reports));
+    let test =
+        |input: &[f32; 2]| ShaderTest::new(&module, "main").expect("a shader").buffer(0, 0, input).sanitize();
+    let error = test(&[0.0, 0.0]).expect_err("a NaN in the attributes");
+    assert!(error.message().contains("is in the attributes of a hit"), "{}", error.render());
+    assert!(test(&[3.0, 2.0]).is_ok());
 }
