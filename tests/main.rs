@@ -96,6 +96,7 @@ mod test_command;
 mod test_files;
 mod trace_one_ray;
 mod traps;
+mod traversal_lints;
 mod traversal_order;
 mod traversal_rules;
 mod unit_test;

@@ -9,12 +9,13 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::harness::side_by_side::SideBySide;
 use crate::machine::{Resources, ShaderIndex};
 use crate::math::array;
-use crate::pipeline::{Launch, Stats};
+use crate::pipeline::{Launch, Pipeline, Stats};
 use crate::program::Program;
 use crate::sanitize::contract::check_pipeline;
 use crate::sanitize::hit_indices::check_hit_indices;
 use crate::sanitize::module_checks::check_module;
 use crate::sanitize::structures::check_structures;
+use crate::sanitize::unreached_records::{HostRay, check_records};
 use crate::sanitize::{
     Findings, LaunchSize, Levels, ProgramPlan, RayWatch, Sanitizer, SeenRays, UnwrittenMemory,
 };
@@ -115,7 +116,7 @@ fn run_passes(
                 let launch = Launch { pipeline: &pipeline, resources: &resources };
                 let outcome = launch.run_observed(size, &mut watch, &mut sanitizer);
                 let first = reference.first_program(pass_pipeline);
-                findings.extend(watch.into_findings().of_shaders_from(first));
+                findings.extend(watch.into_findings_of_launch().of_shaders_from(first));
                 let (found, left) = sanitizer.into_findings_and_unwritten();
                 findings.extend(found.of_shaders_from(first));
                 if let Some(run) = side_by_side {
@@ -156,12 +157,30 @@ fn run_passes(
         }
     }
     for (&pipeline, seen) in &traced {
-        findings.extend(seen.check_any_hit(reference.pipeline_at(pipeline), scene, levels));
+        let (at, first) = (reference.pipeline_at(pipeline), reference.first_program(pipeline));
+        findings.extend(seen.check_any_hit(at, scene, levels));
+        // Rays that a shader did not trace in this run may meet any structure of the scene.
+        let all: Vec<_> = scene.tlas.iter().map(|(_, tlas)| tlas.clone()).collect();
+        if seen.structures().next().is_some() {
+            findings.extend(check_records(at, &all, &host_rays(scene, at)?, levels).of_shaders_from(first));
+        }
     }
     let all: Vec<&SeenRays> = traced.values().chain([&queried]).collect();
     findings.extend(SeenRays::check_masks(&all, scene, levels));
     findings.extend(unwritten.check_outputs(&sizes, levels));
     Ok(SanitizedRun { outcome: Ok(stats), findings })
+}
+
+/// The rays of a scene that the host traces.
+fn host_rays(scene: &ResolvedScene, pipeline: &Pipeline) -> Result<Vec<HostRay>> {
+    let mut rays = Vec::new();
+    for request in &scene.rays {
+        if let SingleRun::Ray(given) = ResolvedRequest::of(request)?.what {
+            let operands = given.operands(pipeline)?;
+            rays.push([operands.sbt_offset, operands.sbt_stride, operands.miss_index]);
+        }
+    }
+    Ok(rays)
 }
 
 /// Runs one ray of a scene, or one invocation.

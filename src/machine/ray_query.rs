@@ -57,6 +57,10 @@ pub struct QueryNotes {
     pub committed_use: Option<OpIndex>,
     /// Whether that candidate was looked at.
     pub candidate_used: bool,
+    /// The first `OpRayQueryProceedKHR` since the query was initialised that came to a candidate.
+    pub undecided: Option<OpIndex>,
+    /// Whether any candidate since then was looked at, confirmed or generated in.
+    pub decides: bool,
 }
 
 /// A query that is not initialised.

@@ -110,6 +110,17 @@ impl RayQueryGetter {
     pub fn reads_t(&self) -> bool {
         self.opcode == Opcode::RayQueryGetIntersectionTKHR
     }
+
+    /// Whether it reads the ray in the object space of an instance, or a transform of that.
+    pub fn reads_object_space(&self) -> bool {
+        matches!(
+            self.opcode,
+            Opcode::RayQueryGetIntersectionObjectRayDirectionKHR
+                | Opcode::RayQueryGetIntersectionObjectRayOriginKHR
+                | Opcode::RayQueryGetIntersectionObjectToWorldKHR
+                | Opcode::RayQueryGetIntersectionWorldToObjectKHR
+        )
+    }
 }
 
 macro_rules! impl_by_opcode {

@@ -107,7 +107,7 @@ pub(super) fn propagate_copies(program: &mut Program, addressed: &[(Reg, u32)]) 
 }
 
 /// Visits the registers that a terminator reads.
-pub(super) fn for_each_terminator_read(terminator: &Terminator, mut visit: impl FnMut(Reg)) {
+pub(crate) fn for_each_terminator_read(terminator: &Terminator, mut visit: impl FnMut(Reg)) {
     match *terminator {
         Terminator::BranchConditional { condition, .. } => visit(condition),
         Terminator::Switch { selector, wide, .. } => {

@@ -51,6 +51,7 @@ use crate::ops::{ray_rules, superop};
 use crate::program::payload::Payloads;
 use crate::program::race_analysis::MemoryAccess;
 
+pub(crate) use copy_propagation::for_each_terminator_read;
 pub use loop_variable::LoopVariable;
 use lower::lower_reference;
 pub use lower::{Inlining, LowerOptions, Optimization, lower, lower_with};

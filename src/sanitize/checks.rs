@@ -16,6 +16,7 @@ pub(super) mod kernel;
 pub(super) mod lanes;
 pub(super) mod memory;
 pub(super) mod query;
+pub(super) mod query_ray;
 pub(super) mod ray;
 mod reported;
 pub(super) mod shared;

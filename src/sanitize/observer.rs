@@ -15,7 +15,7 @@ use crate::sanitize::checks::image_format::ImageAccess;
 use crate::sanitize::checks::lanes::workgroup_lanes;
 use crate::sanitize::checks::{
     barrier, begin, births, bounds, call, contents, hit_object, image, image_format, kernel, memory, query,
-    ray, shared, stale, stop, subgroup, uniformity,
+    query_ray, ray, shared, stale, stop, subgroup, uniformity,
 };
 use crate::sanitize::plan::{Executed, ProgramPlan};
 use crate::sanitize::report::specials::SpecialSink;
@@ -140,6 +140,7 @@ impl Sanitizer<'_> {
             Op::RayQuery(RayQueryOp::Initialize { operands, .. }) => {
                 let Some(shadow) = batch.registers.shadow.take() else { return };
                 ray::check_specials(self, batch, &shadow, op, operands.plus(4));
+                query_ray::before_initialize(self, batch, *operands);
                 batch.registers.shadow = Some(shadow);
             }
             Op::Barrier => {
@@ -187,6 +188,11 @@ impl Sanitizer<'_> {
             Op::RayQuery(ray_query) => {
                 check_ray_query(self, batch, shadow, op, ray_query);
                 query::check(self, batch, op, ray_query, step.ignores_result);
+                match *ray_query {
+                    RayQueryOp::Initialize { query, .. } => query_ray::initialized(self, batch, op, query),
+                    RayQueryOp::Generate { query, .. } => query_ray::generated(self, batch, op, query),
+                    _ => {}
+                }
             }
             Op::Subgroup(op) => subgroup::check(self, batch, shadow, executed, op),
             Op::Atomic(atomic) => {

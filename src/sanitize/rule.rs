@@ -32,6 +32,7 @@ pub mod stop;
 pub mod structure;
 pub mod subgroup;
 pub mod trace;
+pub mod traversal;
 pub mod uniformity;
 
 use std::fmt;
@@ -147,6 +148,7 @@ pub fn all() -> impl Iterator<Item = &'static Rule> {
     let sections = [
         trace::RULES,
         query::RULES,
+        traversal::RULES,
         hit_object::RULES,
         contract::RULES,
         structure::RULES,

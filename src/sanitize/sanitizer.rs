@@ -18,10 +18,12 @@ use crate::sanitize::expectations::Expectations;
 use crate::sanitize::finding::{Findings, Occurrence};
 use crate::sanitize::levels::Levels;
 use crate::sanitize::memory_shadow::WorkgroupShadow;
+use crate::sanitize::payload_use::PassedData;
 use crate::sanitize::plan::ProgramPlan;
 use crate::sanitize::races::{Race, Races, overlapping_bindings};
 use crate::sanitize::report::{CallFrame, Reporter, Sink};
 use crate::sanitize::rule::{Level, Rule, race};
+use crate::sanitize::surface_point::SurfacePoint;
 use crate::sanitize::unwritten::{UnwrittenMemory, UnwrittenPart};
 
 /// Calls a visitor with the accesses of an operation.
@@ -51,6 +53,10 @@ pub struct Sanitizer<'a> {
     pub(super) matching_calls: FxHashSet<(OpPlace, ShaderIndex)>,
     /// The shaders that the host has called and that have ended, in their order.
     pub(super) ended: Vec<ShaderIndex>,
+    /// Which shaders are called with which variables.
+    pub(super) passed: PassedData,
+    /// The surfaces that are known while a ray query is initialized, with their lanes.
+    pub(super) query_surfaces: Vec<(usize, SurfacePoint)>,
 }
 
 impl<'a> Sanitizer<'a> {
@@ -71,6 +77,8 @@ impl<'a> Sanitizer<'a> {
             first_workgroup: None,
             matching_calls: FxHashSet::default(),
             ended: Vec::new(),
+            passed: PassedData::default(),
+            query_surfaces: Vec::new(),
         }
     }
 
@@ -135,6 +143,8 @@ impl<'a> Sanitizer<'a> {
             first_workgroup: self.first_workgroup,
             matching_calls: self.matching_calls,
             ended: self.ended,
+            passed: self.passed,
+            query_surfaces: self.query_surfaces,
         }
     }
 
@@ -147,6 +157,7 @@ impl<'a> Sanitizer<'a> {
     pub fn into_findings_and_unwritten(self) -> (Findings, UnwrittenMemory) {
         let mut findings = self.findings;
         self.expectations.tell(self.plans, self.levels, &mut findings);
+        self.passed.report(self.plans, self.levels, &mut findings);
         (findings, self.unwritten)
     }
 

@@ -56,6 +56,11 @@ pub fn check_structures(names: &dyn StructureNames, levels: &Levels) -> Findings
     findings.findings
 }
 
+/// The number of a structure among those that have names.
+pub(super) fn structure_of(names: &dyn StructureNames, tlas: &Arc<Tlas>) -> Option<usize> {
+    names.structures().iter().position(|(_, known)| Arc::ptr_eq(known, tlas))
+}
+
 /// The name of a geometry of an instance in messages.
 pub(super) fn geometry_name(
     names: &dyn StructureNames,

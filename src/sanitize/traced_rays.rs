@@ -15,8 +15,12 @@ use crate::pipeline::{
 };
 use crate::sanitize::finding::{Finding, FindingKey, Findings, Occurrence};
 use crate::sanitize::levels::Levels;
-use crate::sanitize::rule::{Level, Rule, structure, trace};
-use crate::sanitize::structures::{StructureNames, geometry_name, instance_name, structure_key};
+use crate::sanitize::rule::{Level, Rule, structure, trace, traversal};
+use crate::sanitize::structures::{
+    StructureNames, geometry_name, instance_name, structure_key, structure_of,
+};
+use crate::sanitize::traversal_lints::{RayLint, TraversalLints};
+use crate::sanitize::world_reads::{Intersected, WorldReads, transformed_boxes};
 
 /// The flags of a ray that cull triangles by their facing.
 const FACE_CULLS: u32 = RayFlags::CULL_BACK_FACING_TRIANGLES.0 | RayFlags::CULL_FRONT_FACING_TRIANGLES.0;
@@ -80,6 +84,11 @@ impl SeenRays {
         {
             self.add(tlas, ray, None);
         }
+    }
+
+    /// The structures in which rays were traced.
+    pub fn structures(&self) -> impl Iterator<Item = &Arc<Tlas>> {
+        self.structures.iter().map(|seen| &seen.tlas)
     }
 
     /// Tells of instances whose mask no ray of any of these has met.
@@ -188,6 +197,12 @@ impl SeenRays {
 }
 
 impl RayKind {
+    /// The hit group to which a geometry leads rays of this kind.
+    fn hit_group(self, pipeline: &Pipeline, instance: &TlasInstance, index: u32) -> Option<HitGroup> {
+        let record = RecordIndex::of_hit(instance.sbt_record_offset, index, self.stride, self.offset);
+        pipeline.hit_group(record)
+    }
+
     /// The any-hit shader to which a geometry leads rays of this kind, and whether the geometry is
     /// opaque to them; `None` also where they cull it.
     fn any_hit(
@@ -196,8 +211,7 @@ impl RayKind {
         instance: &TlasInstance,
         index: u32,
     ) -> Option<(ShaderIndex, bool)> {
-        let record = RecordIndex::of_hit(instance.sbt_record_offset, index, self.stride, self.offset);
-        let shader = pipeline.hit_group(record)?.any_hit?;
+        let shader = self.hit_group(pipeline, instance, index)?.any_hit?;
         let geometry = &instance.blas.geometries()[index as usize];
         let flags = self.flags | RayFlags(pipeline.flags.ray_flags());
         if is_skipped(flags, geometry.data.kind()) {
@@ -248,6 +262,7 @@ struct ActiveRay {
     launch_id: [u32; 3],
     caller: Option<Caller>,
     tlas: Arc<Tlas>,
+    trace: TraceRay,
     /// SBT offset, SBT stride and miss index.
     sbt: [u32; 3],
 }
@@ -262,6 +277,8 @@ pub struct RayWatch<'a> {
     findings: Findings,
     /// The innermost trace last.
     active: Vec<ActiveRay>,
+    lints: TraversalLints,
+    world_reads: WorldReads,
 }
 
 /// What a [`RayWatch`] knows of a launch that is paused.
@@ -269,6 +286,8 @@ pub struct RayWatch<'a> {
 pub struct PausedRayWatch {
     findings: Findings,
     active: Vec<ActiveRay>,
+    lints: TraversalLints,
+    world_reads: WorldReads,
 }
 
 impl<'a> RayWatch<'a> {
@@ -279,7 +298,7 @@ impl<'a> RayWatch<'a> {
         levels: &'a Levels,
         seen: &'a mut SeenRays,
     ) -> Self {
-        Self { pipeline, names, levels, seen, findings: Findings::default(), active: Vec::new() }
+        Self::of_paused(pipeline, names, levels, seen, PausedRayWatch::default())
     }
 
     /// A watch that goes on with a launch that was paused.
@@ -290,17 +309,32 @@ impl<'a> RayWatch<'a> {
         seen: &'a mut SeenRays,
         paused: PausedRayWatch,
     ) -> Self {
-        let PausedRayWatch { findings, active } = paused;
-        Self { pipeline, names, levels, seen, findings, active }
+        let PausedRayWatch { findings, active, lints, world_reads } = paused;
+        Self { pipeline, names, levels, seen, findings, active, lints, world_reads }
     }
 
     /// What is kept of it while the launch is paused.
     pub fn pause(self) -> PausedRayWatch {
-        PausedRayWatch { findings: self.findings, active: self.active }
+        let Self { findings, active, lints, world_reads, .. } = self;
+        PausedRayWatch { findings, active, lints, world_reads }
     }
 
     /// What was found.
     pub fn into_findings(self) -> Findings {
+        self.findings
+    }
+
+    /// What was found in a whole launch: also about boxes that no ray has entered.
+    pub fn into_findings_of_launch(mut self) -> Findings {
+        let Self { pipeline, names, levels, seen, findings, world_reads, .. } = &mut self;
+        for seen in &seen.structures {
+            let lead = |instance: &TlasInstance, index: u32| {
+                seen.kinds.iter().find_map(|kind| kind.hit_group(pipeline, instance, index)?.intersection)
+            };
+            for intersected in transformed_boxes(&seen.tlas, lead) {
+                world_reads.check(pipeline, *names, levels, intersected, findings);
+            }
+        }
         self.findings
     }
 
@@ -346,6 +380,17 @@ impl<'a> RayWatch<'a> {
             ];
             (message, notes)
         });
+    }
+
+    /// Reports a lint of the innermost ray of an invocation.
+    fn tell_lint(&mut self, launch_id: [u32; 3], lint: &RayLint) {
+        let rule = match lint {
+            RayLint::FromSurface(_) => &traversal::RAY_FROM_SURFACE,
+            RayLint::LosesTime(_) => &traversal::RAY_LOSES_TIME,
+        };
+        let (names, tlas) = (self.names, self.ray(launch_id).map(|ray| ray.tlas.clone()));
+        let Some(tlas) = tlas else { return };
+        self.tell(rule, launch_id, 0, || lint.words(names, &tlas));
     }
 
     /// Whether an instruction traces at a time.
@@ -431,7 +476,12 @@ impl PipelineObserver for RayWatch<'_> {
         false
     }
 
+    fn invocation(&mut self, launch_id: [u32; 3]) {
+        self.lints.invocation(launch_id);
+    }
+
     fn event(&mut self, event: Event) {
+        self.lints.shader(&event);
         match event {
             Event::Trace { caller, tlas, launch_id, trace, sbt, .. } => {
                 let [offset, stride, _] = sbt;
@@ -442,7 +492,12 @@ impl PipelineObserver for RayWatch<'_> {
                 };
                 let is_never_culled = self.seen.add(&tlas, &trace, Some(kind)).is_never_culled;
                 let (has_micromaps, moves) = (tlas.has_micromaps(), tlas.moves());
-                self.active.push(ActiveRay { launch_id, caller, tlas, sbt });
+                let has_time = caller.map_or(trace.time != 0.0, |caller| self.has_time(caller));
+                let lints = self.lints.trace(launch_id, &tlas, &trace, has_time);
+                self.active.push(ActiveRay { launch_id, caller, tlas, trace, sbt });
+                for lint in lints {
+                    self.tell_lint(launch_id, &lint);
+                }
                 if is_never_culled && trace.flags.0 & FACE_CULLS != 0 {
                     self.tell(&structure::AS_CULL_DISABLED, launch_id, 0, || {
                         let message = "a ray culls triangles by their facing, which all instances disable";
@@ -462,24 +517,34 @@ impl PipelineObserver for RayWatch<'_> {
                     });
                 }
             }
-            Event::Candidate { launch_id, candidate, record, .. } => {
+            Event::Candidate { launch_id, candidate, record, shader, .. } => {
                 self.check_group(launch_id, &candidate, record);
+                let ray = self.active.iter().rev().find(|ray| ray.launch_id == launch_id);
+                if let (Some(shader), Some(ray), true) = (shader, ray, candidate.is_box()) {
+                    let Candidate { instance, .. } = candidate;
+                    let ray_of = Some((launch_id, ray.trace.time));
+                    let intersected = Intersected { shader, tlas: &ray.tlas, instance, ray: ray_of };
+                    let Self { pipeline, names, levels, findings, world_reads, .. } = self;
+                    world_reads.check(pipeline, *names, levels, intersected, findings);
+                }
             }
-            Event::Traversed { launch_id, committed: Some(hit), record, shader: Some(_), .. } => {
-                self.check_group(launch_id, &hit.candidate, record);
+            Event::Traversed { launch_id, committed, record, shader, to_hit_object } => {
+                if let (Some(hit), Some(_)) = (committed, shader) {
+                    self.check_group(launch_id, &hit.candidate, record);
+                }
+                if let Some(ActiveRay { tlas, trace, .. }) = self.ray(launch_id).cloned() {
+                    self.lints.traversed(launch_id, &tlas, &trace, committed.as_ref(), to_hit_object);
+                }
             }
             Event::Traced { .. } => {
-                self.active.pop();
+                if let Some(ray) = self.active.pop() {
+                    self.lints.traced(ray.launch_id);
+                }
             }
             event @ Event::RayQuery(_) => self.seen.add_event(&event),
             _ => {}
         }
     }
-}
-
-/// The number of a structure among those that have names.
-fn structure_of(names: &dyn StructureNames, tlas: &Arc<Tlas>) -> Option<usize> {
-    names.structures().iter().position(|(_, known)| Arc::ptr_eq(known, tlas))
 }
 
 #[cfg(test)]

@@ -61,6 +61,7 @@ pub(in crate::sanitize) fn check<const W: usize>(
         _ => return,
     };
     let Some((place, caller, given)) = given(sanitizer) else { return };
+    sanitizer.passed.note(place.shader, place.op, given.first, shader);
     if sanitizer.matching_calls.contains(&(place, shader)) {
         return;
     }

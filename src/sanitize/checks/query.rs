@@ -6,9 +6,11 @@
 use smallvec::SmallVec;
 
 use crate::accel::RayFlags;
+use crate::machine::object::ObjectRef;
 use crate::machine::{Batch, Exit, Mask, OpIndex, QueryNotes, RayQuery};
+use crate::ops::op::Op;
 use crate::ops::ray_query::{MicromapMode, RayQueryOp};
-use crate::sanitize::rule::{Rule, query, stop};
+use crate::sanitize::rule::{Rule, query, stop, traversal};
 use crate::sanitize::sanitizer::Sanitizer;
 
 /// Rules that a query breaks, each with the operation that is to be shown.
@@ -28,7 +30,9 @@ pub(in crate::sanitize) fn check<const W: usize>(
         let handle = batch.registers[register].0[lane];
         let Ok(query) = batch.queries.query(handle) else { continue };
         for (rule, at) in note(query, op, query_op, ignores_result) {
-            tell(sanitizer, batch, rule, at, lane);
+            if rule != &traversal::RQ_UNDECIDED || !decides_elsewhere(sanitizer, object) {
+                tell(sanitizer, batch, rule, at, lane);
+            }
         }
     }
 }
@@ -65,6 +69,10 @@ fn tell<const W: usize>(
         () if rule == &query::RQ_IGNORED_RESULT => {
             "rayQueryProceedEXT comes to a candidate, at which the shader does not look"
         }
+        () if rule == &traversal::RQ_UNDECIDED => {
+            "the shader neither confirms nor looks at the candidates to which rayQueryProceedEXT comes, and uses the \
+             committed hit"
+        }
         () => "a candidate is confirmed by what is read of the committed hit, which is another one",
     };
     sanitizer.tell(batch, rule, at, Mask::lane(lane), |_| message.to_owned());
@@ -87,21 +95,29 @@ fn note(query: &mut RayQuery, op: OpIndex, query_op: &RayQueryOp, ignores_result
         }
         RayQueryOp::Proceed { .. } => {
             broken.extend(notes.ignored.map(|at| (&query::RQ_IGNORED_RESULT, at)));
-            *notes =
-                QueryNotes { ignored: (ignores_result && has_candidate).then_some(op), ..Default::default() };
+            let QueryNotes { undecided, decides, .. } = *notes;
+            let ignored = (ignores_result && has_candidate).then_some(op);
+            let undecided = undecided.or_else(|| (has_candidate && !ignores_result).then_some(op));
+            *notes = QueryNotes { ignored, undecided, decides, ..Default::default() };
         }
         RayQueryOp::Terminate { .. } => {
             broken.extend(is_complete.then_some((&query::RQ_TERMINATE_LATE, op)));
             notes.ignored = None;
+            notes.decides = true;
         }
         RayQueryOp::Confirm { .. } | RayQueryOp::Generate { .. } => {
             let wrong = notes.committed_use.take().filter(|_| !notes.candidate_used);
             broken.extend(wrong.map(|at| (&query::RQ_WRONG_SELECTOR, at)));
             notes.ignored = None;
+            notes.decides = true;
         }
-        RayQueryOp::Type { committed: false, .. } => notes.ignored = None,
+        RayQueryOp::Type { committed: false, .. } => {
+            notes.ignored = None;
+            notes.decides = true;
+        }
         RayQueryOp::Get { committed: false, .. } => {
             notes.ignored = None;
+            notes.decides = true;
             notes.candidate_used = true;
         }
         RayQueryOp::Type { committed: true, .. } | RayQueryOp::Get { committed: true, .. } => {
@@ -110,6 +126,9 @@ fn note(query: &mut RayQuery, op: OpIndex, query_op: &RayQueryOp, ignores_result
                 && !getter.reads_t()
             {
                 notes.committed_use.get_or_insert(op);
+            }
+            if is_complete && !notes.decides {
+                broken.extend(notes.undecided.take().map(|at| (&traversal::RQ_UNDECIDED, at)));
             }
             // That there is a hit remains true, whichever follows.
             let is_final = matches!(query_op, RayQueryOp::Type { .. }) && has_committed;
@@ -122,6 +141,25 @@ fn note(query: &mut RayQuery, op: OpIndex, query_op: &RayQueryOp, ignores_result
         RayQueryOp::GetRay { .. } | RayQueryOp::Uninitialize { .. } => {}
     }
     broken
+}
+
+/// Whether the program decides on candidates of a query somewhere, though not in this invocation:
+/// then a condition was meant. Where a query lies in a register that is computed, it may be any.
+fn decides_elsewhere(sanitizer: &Sanitizer<'_>, object: ObjectRef) -> bool {
+    let Some((_, plan)) = sanitizer.plan() else { return false };
+    let is_same = |other: ObjectRef| match (object, other) {
+        (ObjectRef::Register(own), ObjectRef::Register(other)) => own == other,
+        _ => true,
+    };
+    plan.program.ops.iter().any(|op| match op {
+        Op::RayQuery(
+            RayQueryOp::Confirm { query }
+            | RayQueryOp::Generate { query, .. }
+            | RayQueryOp::Type { query, committed: false, .. }
+            | RayQueryOp::Get { query, committed: false, .. },
+        ) => is_same(*query),
+        _ => false,
+    })
 }
 
 /// What is wrong with a query that does not go on.
