@@ -7,6 +7,7 @@
 //! are seeded; a failure prints its case.
 
 mod boxes;
+mod normals;
 
 use anyhit::internals::geometry::block::{self, BoxRay, CullRay, LANES, ShearedRay};
 use anyhit::internals::geometry::{

@@ -909,3 +909,13 @@ fn a_printed_command_line_works_when_it_is_typed() {
         assert_eq!(told["ray_name"], name, "{line}");
     }
 }
+
+/// asin(1/8) is 7.181 degrees.
+#[test]
+fn a_normal_that_is_projected_on_the_axis_is_off_by_the_slope() {
+    let out = prints("normal.test.toml", 1);
+    assert!(out.contains("7.181 degrees away and 1 allowed"), "{out}");
+    assert!(out.contains("`angle` is float, not a vector of three numbers"), "{out}");
+    assert!(out.contains("expected a normal, but the ray misses"), "{out}");
+    assert_eq!(out.matches("FAILED").count(), 4, "{out}");
+}

@@ -39,6 +39,7 @@ mod primitive_numbers;
 pub mod record_index;
 pub mod rules;
 mod strided;
+pub mod surface_normal;
 pub mod tlas;
 pub mod trace_ray;
 mod transform;
@@ -66,5 +67,6 @@ pub use observer::{Counters, InstanceVerdict, PrimitiveVerdict, TraversalObserve
 pub use packet::Packet;
 pub use primitive::Primitive;
 pub use record_index::RecordIndex;
+pub use surface_normal::surface_normal;
 pub use tlas::Tlas;
 pub use trace_ray::{RayRule, TraceRay};

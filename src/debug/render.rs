@@ -255,6 +255,12 @@ impl<'a> Writer<'a> {
         ];
         rows.extend(hit.attributes.iter().map(|one| (one.name, one.value.to_string())));
         rows.push(("hit point", format!("about {}", vector(&hit.position))));
+        if let Some(normal) = &hit.normal {
+            let object = hit.object_normal.filter(|object| object != normal);
+            let object =
+                object.map_or_else(String::new, |object| format!(", {} in object space", vector(&object)));
+            rows.push(("normal", format!("exact {} in world space{object}", vector(normal))));
+        }
         rows.push((
             "object ray",
             format!(

@@ -554,6 +554,10 @@ pub struct HitReport {
     pub attributes: Vec<NamedValue>,
     /// origin + t * direction, rounded.
     pub position: [FloatValue; 3],
+    /// The exact unit normal in world space, towards the ray's origin, rounded; `None` for a box.
+    pub normal: Option<[FloatValue; 3]>,
+    /// The same in object space.
+    pub object_normal: Option<[FloatValue; 3]>,
     /// `ObjectRayOriginKHR`
     pub object_ray_origin: [FloatValue; 3],
     /// `ObjectRayDirectionKHR`

@@ -3,7 +3,9 @@
 use std::sync::Arc;
 
 use crate::accel::geometry::primitive_count;
-use crate::accel::{self, Committed, HitPrimitive, InstanceVerdict, PrimitiveVerdict, Tlas, TraceRay};
+use crate::accel::{
+    self, Committed, HitPrimitive, InstanceVerdict, PrimitiveVerdict, Tlas, TraceRay, surface_normal,
+};
 use crate::debug::names::{self, Names};
 use crate::debug::transcript::{
     HitReport, InstanceOutcome, InstanceReport, NamedValue, PrimitiveOutcome, PrimitiveReport,
@@ -69,6 +71,7 @@ impl Names<'_> {
         let object_ray = tlas.object_ray(candidate.instance, &ray, operands.time);
         let (origin, direction) = object_ray
             .map_or((ray.origin, ray.direction), |ray| (ray.object_origin_f32(), ray.object_direction_f32()));
+        let normal = surface_normal(tlas, operands, candidate.hit_primitive());
         let data = instance.blas.primitive(candidate.geometry, candidate.primitive, operands.time);
         HitReport {
             instance: candidate.instance,
@@ -82,6 +85,8 @@ impl Names<'_> {
             surface: names::surface(candidate.intersection.surface),
             attributes: attributes(&candidate.intersection),
             position,
+            normal: normal.map(|normal| normal.world.map(FloatValue::F32)),
+            object_normal: normal.map(|normal| normal.object.map(FloatValue::F32)),
             object_ray_origin: origin.map(FloatValue::F32),
             object_ray_direction: direction.map(FloatValue::F32),
             data: data.map_or_else(Vec::new, primitive_data),

@@ -36,6 +36,8 @@
 mod exact;
 mod f64_filter;
 
+pub(super) use exact::normal as exact_normal;
+
 use crate::geometry::bounded_ray::BoundedRay;
 use crate::geometry::object_ray::ObjectRay;
 use crate::geometry::verdict::{Verdict, error_or_zero, round_within_closed, rounded};

@@ -25,6 +25,7 @@ mod closest_approach;
 mod double_ray;
 mod intersection4;
 pub mod linear_swept_sphere;
+pub mod normal;
 mod object_ray;
 pub mod ray;
 pub mod sphere;
@@ -34,6 +35,7 @@ mod verdict;
 pub use bounds::Bounds;
 pub use double_ray::DoubleRay;
 pub use intersection4::Intersection4;
+pub use normal::SurfaceNormal;
 pub use object_ray::{
     APPROXIMATE_ERROR, APPROXIMATE_UNDERFLOW, ApproximateRay, ObjectRay, Transform, world_to_object,
 };

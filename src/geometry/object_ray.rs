@@ -518,6 +518,18 @@ impl ObjectRay {
         ExactRay { origin: apply(&offset), direction: apply(&direction), weight }
     }
 
+    /// A positive multiple of the normal in world space of an object-space normal: that times the
+    /// inverse transpose of the linear part.
+    pub(super) fn normal_to_world(&self, normal: &Vector) -> Vector {
+        let Some(matrix) = &self.matrix else { return normal.clone() };
+        let (adjugate, determinant) = exact_inverse(matrix);
+        let sign = Dyadic::integer(determinant.sign().into());
+        std::array::from_fn(|i| {
+            let column = std::array::from_fn(|j| adjugate[j][i].clone());
+            &sign * &exact::dot(&column, normal)
+        })
+    }
+
     /// Rounds an exact parameter if it lies in the closed interval: `None` outside, and where it
     /// rounds to infinity.
     pub(super) fn round_within_closed(&self, t: &Surd) -> Option<f32> {

@@ -26,6 +26,7 @@ pub mod instance;
 pub mod layout;
 mod memory;
 pub mod mock;
+pub mod normal;
 pub mod number;
 pub mod rust_layout;
 pub mod scalars;

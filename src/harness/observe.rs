@@ -74,15 +74,15 @@ pub(super) fn first_ray(pipeline: &Pipeline, events: &[Event]) -> RayFound {
         _ => None,
     });
     let payload = payload.map_or_else(Value::nothing, |words| payload_of(pipeline, shader, words));
-    let tlas = events.iter().find_map(|event| match event {
-        Event::Trace { tlas, .. } => Some(tlas),
+    let traced = events.iter().find_map(|event| match event {
+        Event::Trace { tlas, trace, .. } => Some((tlas.clone(), *trace)),
         _ => None,
     });
-    let custom_index = committed.zip(tlas).map_or(0, |(hit, tlas)| {
+    let custom_index = committed.zip(traced.as_ref()).map_or(0, |(hit, (tlas, _))| {
         let instance = hit.candidate.instance as usize;
         tlas.instances()[instance].custom_index
     });
-    RayFound { committed, custom_index, payload }
+    RayFound { committed, custom_index, traced, payload }
 }
 
 /// A payload, typed as the last shader declares it, or as the largest declared payload.

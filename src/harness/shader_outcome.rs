@@ -5,11 +5,14 @@ use std::sync::Arc;
 
 use bytemuck::AnyBitPattern;
 
-use crate::error::Result;
+use crate::accel::{HitPrimitive, Tlas, TraceRay, surface_normal};
+use crate::error::{Error, ErrorKind, Result};
+use crate::geometry::SurfaceNormal;
 use crate::harness::bound::{Bound, reads_what_is_bound};
 use crate::harness::data::TypedBytes;
 use crate::harness::explain::{Explain, Explanation};
 use crate::harness::mock::{CallableCall, ExecuteCall, TraceCall};
+use crate::harness::normal::{difference, vector_at};
 use crate::harness::value::Value;
 use crate::machine::Exit;
 
@@ -50,6 +53,8 @@ pub struct ShaderOutcome {
     pub(super) data: Option<TypedBytes>,
     pub(super) bound: Bound,
     pub(super) explanation: Arc<Explanation>,
+    /// What was hit, by which ray in which structure.
+    pub(super) hit: Option<(Arc<Tlas>, TraceRay, HitPrimitive)>,
 }
 
 impl ShaderOutcome {
@@ -63,6 +68,59 @@ impl ShaderOutcome {
             Some(data) => data.read(),
             None => self.payload.read(),
         }
+    }
+
+    /// The exact unit normal in world space of the triangle, sphere or linear swept sphere that the
+    /// [`Hit`](crate::Hit) is of, towards the ray's origin; each component is correctly rounded.
+    /// `None` for a box, and for a shader without a hit.
+    pub fn exact_normal(&self) -> Option<[f32; 3]> {
+        self.surface_normal().map(|normal| normal.world)
+    }
+
+    /// As [`Self::exact_normal`], in the object space of the instance.
+    pub fn exact_object_normal(&self) -> Option<[f32; 3]> {
+        self.surface_normal().map(|normal| normal.object)
+    }
+
+    /// Checks that a member of the payload is the normal of what was hit in world space, of any
+    /// length, within so many degrees of [the exact one](Self::exact_normal). A path without a name
+    /// is the whole payload.
+    ///
+    /// ```
+    /// use anyhit::{Hit, Module, Ray, ShaderTest};
+    ///
+    /// # fn main() -> anyhit::Result<()> {
+    /// let module = Module::open("spirv-fixtures/pass/sphere/closest-hit/main.rchit.spv")?;
+    /// let hit = Hit::sphere([0.0; 3], 0.5).ray(Ray::new([0.3, 0.0, 4.0], [0.0, 0.0, -1.0]));
+    /// let outcome = ShaderTest::new(&module, "main")?.hit(hit).run()?;
+    /// outcome.check_normal("normal", 0.001)?;
+    /// // 0.3 of a radius of 0.5, and the rest of a unit vector.
+    /// let [x, y, z] = outcome.exact_normal().expect("the normal of a sphere");
+    /// assert!((x - 0.6).abs() < 1e-7 && y == 0.0 && (z - 0.8).abs() < 1e-7);
+    /// # Ok(())
+    /// # }
+    /// ```
+    ///
+    /// # Errors
+    /// `Expectation` where it is farther away, with both; `InvalidArgument` where the payload has no
+    /// such vector, or the hit no exact normal.
+    pub fn check_normal(&self, member: &str, degrees: f64) -> Result<()> {
+        let wrong = |message: String| Error::new(ErrorKind::InvalidArgument, message);
+        let exact = self.exact_normal().ok_or_else(|| {
+            let message =
+                "an exact normal is known of triangles, spheres and linear swept spheres that are hit";
+            wrong(message.to_owned())
+        })?;
+        let (found, _) = vector_at(&self.payload, Some(member)).map_err(wrong)?;
+        match difference(found, exact, degrees) {
+            None => Ok(()),
+            Some(message) => Err(Error::new(ErrorKind::Expectation, format!("{member}: {message}"))),
+        }
+    }
+
+    fn surface_normal(&self) -> Option<SurfaceNormal> {
+        let (tlas, trace, hit) = self.hit.as_ref()?;
+        surface_normal(tlas, trace, *hit)
     }
 }
 

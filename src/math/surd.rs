@@ -57,27 +57,28 @@ impl Surd {
         }
     }
 
+    /// p, q, r and d of `(p + q sqrt r) / d`.
+    pub fn parts(&self) -> [&Dyadic; 4] {
+        [&self.p, &self.q, &self.r, &self.d]
+    }
+
     /// The nearest `f32`, ties to even; +0 for zero, infinity beyond the range.
     pub fn to_f32(&self) -> f32 {
         let (m, e) = self.approximate();
-        if m == 0.0 {
-            return 0.0;
+        round(m, e, |midpoint| self.compare(&midpoint))
+    }
+
+    /// The nearest `f32` to the square root, ties to even. A negative number is a bug of the
+    /// caller.
+    pub fn sqrt_to_f32(&self) -> f32 {
+        let (mut m, mut e) = self.approximate();
+        assert!(m >= 0.0, "bug in anyhit: the square root of a negative number");
+        if e.rem_euclid(2) == 1 {
+            m *= 2.0;
+            e -= 1;
         }
-        // Beyond these every f32 rounds to 0 or infinity, and f64 need not hold the number.
-        let value = ldexp(m, e.clamp(-300, 200));
-        // The approximation is good to 2^-47: see `approximate`.
-        let below = (value - value.abs() * 2f64.powi(-44)) as f32;
-        let above = (value + value.abs() * 2f64.powi(-44)) as f32;
-        if below == above {
-            return below + 0.0;
-        }
-        let rounded = match self.compare(&Dyadic::from_f64(midpoint(below, above))) {
-            Ordering::Less => below,
-            Ordering::Greater => above,
-            Ordering::Equal if below.to_bits() & 1 == 0 => below,
-            Ordering::Equal => above,
-        };
-        rounded + 0.0
+        // Both sides of the comparison are positive.
+        round(m.sqrt(), e / 2, |midpoint| self.compare(&midpoint.square()))
     }
 
     /// `(m, e)` with the value `m * 2^e` to a relative error below 2^-47; m is 0 only for 0.
@@ -105,6 +106,28 @@ impl Surd {
         let (dm, de) = self.d.to_scaled();
         (m / dm, e - de)
     }
+}
+
+/// The nearest `f32` of a number that is `m * 2^e` to a relative error below 2^-46, and that
+/// `compare` compares exactly with others.
+fn round(m: f64, e: i64, compare: impl FnOnce(Dyadic) -> Ordering) -> f32 {
+    if m == 0.0 {
+        return 0.0;
+    }
+    // Beyond these every f32 rounds to 0 or infinity, and f64 need not hold the number.
+    let value = ldexp(m, e.clamp(-300, 200));
+    let below = (value - value.abs() * 2f64.powi(-44)) as f32;
+    let above = (value + value.abs() * 2f64.powi(-44)) as f32;
+    if below == above {
+        return below + 0.0;
+    }
+    let rounded = match compare(Dyadic::from_f64(midpoint(below, above))) {
+        Ordering::Less => below,
+        Ordering::Greater => above,
+        Ordering::Equal if below.to_bits() & 1 == 0 => below,
+        Ordering::Equal => above,
+    };
+    rounded + 0.0
 }
 
 /// The sign of p + q sqrt r for r >= 0, by squaring where the summands differ in sign.
@@ -181,6 +204,20 @@ mod tests {
         let tie = &int((1 << 24) + 1) * &int(1 << 40);
         assert_eq!(Surd::ratio(&tie + &int(1), int(1 << 40)).to_f32(), 16_777_218.0);
         assert_eq!(Surd::ratio(&tie - &int(1), int(1 << 40)).to_f32(), 16_777_216.0);
+    }
+
+    #[test]
+    fn square_roots_round_to_nearest() {
+        assert_eq!(Surd::ratio(int(1), int(4)).sqrt_to_f32(), 0.5);
+        assert_eq!(Surd::ratio(int(2), int(1)).sqrt_to_f32(), std::f32::consts::SQRT_2);
+        assert_eq!(Surd::ratio(Dyadic::zero(), int(1)).sqrt_to_f32(), 0.0);
+        // sqrt(3 - 2 sqrt 2) = sqrt 2 - 1, in which nearly all of 3 cancels.
+        let x = Surd::new(int(3), int(-2), int(2), int(1));
+        assert_eq!(x.sqrt_to_f32(), (std::f64::consts::SQRT_2 - 1.0) as f32);
+        // (2^24 + 1)^2: half-way between 2^24 and 2^24 + 2.
+        let tie = int((1 << 24) + 1).square();
+        assert_eq!(Surd::ratio(tie.clone(), int(1)).sqrt_to_f32(), 16_777_216.0);
+        assert_eq!(Surd::ratio(&tie + &int(1), int(1)).sqrt_to_f32(), 16_777_218.0);
     }
 
     #[test]

@@ -36,6 +36,11 @@ impl From<RBig> for Root {
 }
 
 impl Root {
+    /// p, s and r of `p + s sqrt(r)`.
+    pub fn parts(&self) -> (&RBig, i32, &RBig) {
+        (&self.p, self.s, &self.r)
+    }
+
     /// `a + b self`.
     fn affine(&self, a: &RBig, b: &RBig) -> Self {
         Self { p: a + b * &self.p, s: self.s * sign(b), r: &self.r * b * b }

@@ -3,6 +3,7 @@
 
 use std::cmp::Ordering;
 
+use crate::geometry::normal::EntryNormal;
 use crate::geometry::object_ray::ObjectRay;
 use crate::geometry::{Intersection, sphere};
 use crate::math::array;
@@ -42,6 +43,31 @@ pub(super) fn intersect(
         surface
     };
     Some(super::side(ray.round_within_closed(&t)?, u.to_f32()))
+}
+
+/// The normal at the entry of a ray, which points away from the axis: that of the sphere of the
+/// sweep that touches the surface there. `None` where the ray misses, and in an apex, which has
+/// none.
+pub(in crate::geometry) fn normal(
+    ray: &ObjectRay,
+    positions: [[f32; 3]; 2],
+    radii: [f32; 2],
+) -> Option<EntryNormal> {
+    let order = if radii[0] < 0.0 { [1, 0] } else { [0, 1] };
+    let shape =
+        ExactShape::new(ray, array::map(order, |end| positions[end]), array::map(order, |end| radii[end]));
+    match shape.entry()? {
+        Entry::Cap(0, t) => Some(EntryNormal { base: shape.w, slope: shape.d, t }),
+        Entry::Cap(_, t) => Some(EntryNormal { base: exact::sub(&shape.w, &shape.axis), slope: shape.d, t }),
+        Entry::Side(t) => {
+            let (a, b) = shape.line();
+            let from_centre = |from: &Vector, along: &Dyadic| {
+                exact::sub(&exact::scale(&shape.g, from), &exact::scale(along, &shape.axis))
+            };
+            Some(EntryNormal { base: from_centre(&shape.w, &a), slope: from_centre(&shape.d, &b), t })
+        }
+        Entry::Apex(_) => None,
+    }
 }
 
 enum Entry {

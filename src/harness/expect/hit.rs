@@ -1,6 +1,8 @@
 //! The hit record of a ray: what `[[expect.ray]]` and `[ray.expect]` say of it.
 
-use crate::accel::Committed;
+use std::sync::Arc;
+
+use crate::accel::{Committed, Tlas, TraceRay};
 use crate::harness::expect::Difference;
 use crate::harness::number::{ExpectedNumber, NumberType, Tolerance};
 use crate::harness::value::Value as Found;
@@ -13,6 +15,8 @@ pub struct RayFound {
     pub committed: Option<Committed>,
     /// `InstanceCustomIndexKHR` of the hit.
     pub custom_index: u32,
+    /// The structure and the ray, where one was traced.
+    pub traced: Option<(Arc<Tlas>, TraceRay)>,
     /// The payload that it brought back, by the names of its members.
     pub payload: Found,
 }

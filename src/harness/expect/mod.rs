@@ -8,6 +8,7 @@
 mod bytes;
 mod difference;
 mod hit;
+mod normal;
 mod numbers;
 mod payload;
 mod picture;
@@ -20,6 +21,7 @@ mod trap;
 pub use bytes::{Bytes, BytesExpectation};
 pub use difference::{Difference, Fix, PictureDifference, Subject};
 pub use hit::{HitExpectation, RayFound};
+pub use normal::NormalExpectation;
 pub use payload::PayloadExpectation;
 pub use picture::{Measure, PictureExpectation};
 pub use printed::PrintedExpectation;

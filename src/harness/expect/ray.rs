@@ -4,7 +4,8 @@ use crate::accel::Committed;
 use crate::harness::expect::hit::keys;
 use crate::harness::expect::payload::literal;
 use crate::harness::expect::{
-    Difference, Expectations, Fix, HitExpectation, Observed, PayloadExpectation, RayFound, Subject,
+    Difference, Expectations, Fix, HitExpectation, NormalExpectation, Observed, PayloadExpectation, RayFound,
+    Subject,
 };
 use crate::harness::number::Tolerance;
 use crate::scene::read::{Parse, Span, Spanned, Table, TomlValue};
@@ -16,6 +17,8 @@ pub struct FoundExpectation {
     pub hit: HitExpectation,
     /// The payload.
     pub payload: Option<PayloadExpectation>,
+    /// The shader's normal.
+    pub normal: Option<NormalExpectation>,
     /// How exact t, attributes and the payload's floats are.
     pub tolerance: Tolerance,
     /// Why this is expected.
@@ -46,9 +49,15 @@ impl FoundExpectation {
     fn of(table: &Table<'_>) -> Option<Self> {
         let hit = HitExpectation::of(table);
         let payload = table.value("payload").map(PayloadExpectation::of);
+        let normal = NormalExpectation::of(table);
         let tolerance = Tolerance::of(table);
         let because = table.optional("because");
-        Some(Self { hit: hit?, payload, tolerance: tolerance?, because })
+        Some(Self { hit: hit?, payload, normal: normal?, tolerance: tolerance?, because })
+    }
+
+    /// Whether it says nothing of the ray.
+    pub fn is_empty(&self) -> bool {
+        self.hit.is_empty() && self.payload.is_none() && self.normal.is_none()
     }
 
     fn check(&self, place: &Span, found: &RayFound) -> Vec<Difference> {
@@ -58,6 +67,7 @@ impl FoundExpectation {
         if let Some(payload) = &self.payload {
             differences.extend(payload.check(&found.payload, self.tolerance, because));
         }
+        differences.extend(self.normal.as_ref().and_then(|normal| normal.check(found, because)));
         differences
     }
 }
@@ -69,7 +79,7 @@ impl Parse for RayExpectation {
         let check = FoundExpectation::of(&table);
         table.finish();
         let (name, check) = (name?, check?);
-        if check.hit.is_empty() && check.payload.is_none() {
+        if check.is_empty() {
             return value.wrong("a ray either misses (`miss = true`) or hits (`primitive`, `t`, ...)");
         }
         Some(Self { name, check })
@@ -119,7 +129,7 @@ impl Parse for OneRay {
 impl OneRay {
     /// Whether it says nothing at all yet.
     pub fn is_empty(&self) -> bool {
-        self.check.hit.is_empty() && self.check.payload.is_none() && self.rest.is_empty()
+        self.check.is_empty() && self.rest.is_empty()
     }
 
     /// Compares; nothing where everything holds, or where a known failure still fails.

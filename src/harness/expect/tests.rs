@@ -9,7 +9,7 @@ use crate::harness::value::Value as Found;
 use crate::machine::TrapCode;
 
 fn found(committed: Option<Committed>) -> RayFound {
-    RayFound { committed, custom_index: 5, payload: Found::nothing() }
+    RayFound { committed, custom_index: 5, traced: None, payload: Found::nothing() }
 }
 
 fn expect(text: &str) -> Expectations {

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use crate::accel::HitPrimitive;
 use crate::error::{Error, Result};
 use crate::harness::bound::Bound;
 use crate::harness::data::TypedBytes;
@@ -152,6 +153,13 @@ impl ShaderTest {
         });
         let mut payload = self.read(&batch, self.payload_rows());
         payload.explained_by(&explanation);
+        let invocations = &batch.invocations;
+        let hit = invocations.structures.get(0).filter(|_| invocations.hit).map(|tlas| {
+            let [instance, geometry, primitive] =
+                [&invocations.hits.instance, &invocations.hits.geometry, &invocations.hits.primitive]
+                    .map(|lanes| lanes.0[0]);
+            (tlas.clone(), invocations.rays.get(0), HitPrimitive { instance, geometry, primitive })
+        });
         let printed = resources.printed.take().map_or_else(Vec::new, |printed| printed.take());
         ShaderOutcome {
             exit,
@@ -165,6 +173,7 @@ impl ShaderTest {
             data: self.payload_rows().map(|registers| self.data(&batch, registers, "the payload")),
             bound: Bound { programs: vec![self.program.clone()], resources, roots },
             explanation,
+            hit,
         }
     }
 
