@@ -7,8 +7,8 @@ use crate::accel::trace_ray::TraceRay;
 use crate::geometry::SurfaceNormal;
 
 /// The exact unit normal, at the time of the ray, of the triangle, sphere or linear swept sphere
-/// that a ray hits. `None` for a box, whose surface an intersection shader decides, for an apex, and
-/// where the ray does not hit the primitive.
+/// that a ray hits. `None` for a box, whose surface an intersection shader decides, for an apex,
+/// and where the ray does not hit the primitive.
 pub fn surface_normal(tlas: &Tlas, trace: &TraceRay, hit: HitPrimitive) -> Option<SurfaceNormal> {
     let instance = tlas.instances().get(hit.instance as usize)?;
     let ray = tlas.object_ray(hit.instance, &trace.ray, trace.time)?;

@@ -5,6 +5,7 @@ use crate::debug::transcript::{
     ExitKind, Hint, HintKind, HitReport, InstanceReport, MemoryChange, PrimitiveOutcome, RecordChoice,
     ShaderRun, Step, Trace, Traversal,
 };
+use crate::debug::traversal_hints::{time_lost, undecided_candidates, world_ray};
 use crate::debug::values::{FloatValue, TypedValue};
 use crate::debug::walk::{self, AnyRay, PlacedRay};
 
@@ -30,6 +31,9 @@ const RAY_RULES: &[(HintKind, RayRule)] = &[
     (HintKind::NoRecord, no_record),
     (HintKind::DirectionLength, direction_length),
     (HintKind::NormalAlongRay, normal_along_ray),
+    (HintKind::UndecidedCandidates, undecided_candidates),
+    (HintKind::WorldRay, world_ray),
+    (HintKind::TimeLost, time_lost),
 ];
 
 /// The hints on what happened from a step on, and on what it changed in memory.

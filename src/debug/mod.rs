@@ -52,6 +52,8 @@ pub mod shell;
 pub mod source_text;
 #[cfg(feature = "scenes")]
 mod summary;
+#[cfg(feature = "scenes")]
+mod traversal_hints;
 
 #[cfg(feature = "scenes")]
 pub use session::{ExplainRequest, Session};

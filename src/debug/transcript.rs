@@ -101,6 +101,12 @@ pub enum HintKind {
     DirectionLength,
     /// A variable named for a normal points along the ray.
     NormalAlongRay,
+    /// A ray query came to candidates, confirmed none and generated no hit.
+    UndecidedCandidates,
+    /// An intersection shader of a transformed instance reads the ray in world space alone.
+    WorldRay,
+    /// A ray has the time 0, and the one before it another.
+    TimeLost,
 }
 
 /// An invocation of a launch.
@@ -556,7 +562,7 @@ pub struct HitReport {
     pub position: [FloatValue; 3],
     /// The exact unit normal in world space, towards the ray's origin, rounded; `None` for a box.
     pub normal: Option<[FloatValue; 3]>,
-    /// The same in object space.
+    /// The exact unit normal in object space; `None` for a box.
     pub object_normal: Option<[FloatValue; 3]>,
     /// `ObjectRayOriginKHR`
     pub object_ray_origin: [FloatValue; 3],

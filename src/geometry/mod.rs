@@ -23,6 +23,7 @@ mod bounded_ray;
 mod bounds;
 mod closest_approach;
 mod double_ray;
+mod entry_normal;
 mod intersection4;
 pub mod linear_swept_sphere;
 pub mod normal;

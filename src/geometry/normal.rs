@@ -1,15 +1,15 @@
 //! The exact unit normal of the surface that a ray hits, correctly rounded.
 //!
 //! # Derivation
-//! The normal is the gradient of the implicit surface, and points out of a solid; that of a triangle
-//! points to the side from which the ray comes. So its product with the ray's direction is never
-//! positive.
+//! The normal is the gradient of the implicit surface, and points out of a solid; that of a
+//! triangle points to the side from which the ray comes. So its product with the ray's direction is
+//! never positive.
 //!
 //! * **Triangle**: n = (V1 - V0) x (V2 - V0), or its negative where n.d > 0.
 //! * **Sphere**, F(x) = |x - C|^2 - r^2: grad F = 2 (x - C).
 //! * **Cap** of a linear swept sphere: as its sphere.
-//! * **Side** of a linear swept sphere, with D = P1 - P0, δ = r1 - r0, g = D.D - δ^2, w = x - P0 and
-//!   a = w.D + r0 δ ([derivation](linear_swept_sphere)):
+//! * **Side** of a linear swept sphere, with D = P1 - P0, δ = r1 - r0, g = D.D - δ^2, w = x - P0
+//!   and a = w.D + r0 δ ([derivation](linear_swept_sphere)):
 //!
 //!   ```text
 //!   F(x) = w.w - r0^2 - a^2 / g        grad F / 2 = w - (a / g) D = x - (P0 + u D)
@@ -22,9 +22,9 @@
 //! **In world space** x_w = A x + b, so that F(A^-1 (x_w - b)) has the gradient A^-T grad F. With
 //! det A < 0 it still points against the ray, as (A^-T n).(A d) = n.d.
 //!
-//! **At the hit** x = o + t d, and n = base + t slope with exact vectors base and slope. All that is
-//! hit has t = (p + q sqrt(r)) / h, so that a component of n is P + Q sqrt(r), times 1 / |h|. Its
-//! square divided by |n|^2 is, with A + B sqrt(r) = (P + Q sqrt(r))^2 and C + E sqrt(r) = |n|^2,
+//! **At the hit** x = o + t d, and n = base + t slope with exact vectors base and slope. All that
+//! is hit has t = (p + q sqrt(r)) / h, so that a component of n is P + Q sqrt(r), times 1 / |h|.
+//! Its square divided by |n|^2 is, with A + B sqrt(r) = (P + Q sqrt(r))^2 and C + E sqrt(r) = |n|^2,
 //!
 //! ```text
 //! (A + B sqrt(r)) / (C + E sqrt(r)) = ((A C - B E r) + (B C - A E) sqrt(r)) / (C^2 - E^2 r)
@@ -34,10 +34,11 @@
 //! denominator is |n|^2 times that of the other root of the ray. Where the latter is 0 (an apex),
 //! P - Q sqrt(r) = 0 for each component: sqrt(r) is rational, and n = 2 P.
 
+use crate::geometry::entry_normal::EntryNormal;
 use crate::geometry::linear_swept_sphere;
 use crate::geometry::object_ray::ObjectRay;
 use crate::geometry::sphere;
-use crate::math::exact::{self, Dyadic, Vector};
+use crate::math::exact::{self, Dyadic};
 use crate::math::surd::Surd;
 
 /// The unit normal at a hit, each component the nearest `f32` of the exact one.
@@ -50,6 +51,10 @@ pub struct SurfaceNormal {
 }
 
 impl SurfaceNormal {
+    fn of_spaces([object, world]: [[f32; 3]; 2]) -> Self {
+        Self { object, world }
+    }
+
     /// The normal of a triangle, towards the ray's origin; `None` where the ray runs along it, and
     /// where it is not finite.
     pub fn of_triangle(ray: &ObjectRay, vertices: [[f32; 3]; 3]) -> Option<Self> {
@@ -62,7 +67,7 @@ impl SurfaceNormal {
         let base = exact::scale(&Dyadic::integer((-facing).into()), &across);
         let slope = std::array::from_fn(|_| Dyadic::zero());
         let t = Surd::ratio(Dyadic::zero(), Dyadic::integer(1));
-        EntryNormal { base, slope, t }.rounded(ray)
+        EntryNormal { base, slope, t }.rounded(ray).map(Self::of_spaces)
     }
 
     /// The normal of a sphere where the ray enters it; `None` where the ray passes by.
@@ -75,7 +80,7 @@ impl SurfaceNormal {
         let base = exact_ray.origin_from(&exact::vector(center));
         let slope = exact_ray.direction;
         let t = sphere::entry_exactly(&base, &slope, &(&exact_ray.weight * &Dyadic::from_f32(radius)))?;
-        EntryNormal { base, slope, t }.rounded(ray)
+        EntryNormal { base, slope, t }.rounded(ray).map(Self::of_spaces)
     }
 
     /// The normal of a linear swept sphere where the ray enters it, through its side or a cap;
@@ -89,69 +94,7 @@ impl SurfaceNormal {
         if !is_finite || radii.iter().all(|&radius| radius <= 0.0) {
             return None;
         }
-        linear_swept_sphere::exact_normal(ray, positions, radii)?.rounded(ray)
-    }
-}
-
-/// A multiple of the normal in object space at a ray's entry: `base + t slope`, times a positive
-/// number.
-#[derive(Clone, Debug)]
-pub(super) struct EntryNormal {
-    pub base: Vector,
-    pub slope: Vector,
-    /// The ray parameter of the entry.
-    pub t: Surd,
-}
-
-impl EntryNormal {
-    fn rounded(&self, ray: &ObjectRay) -> Option<SurfaceNormal> {
-        let object = self.unit()?;
-        let world = if ray.is_in_world() {
-            object
-        } else {
-            let [base, slope] = [&self.base, &self.slope].map(|vector| ray.normal_to_world(vector));
-            Self { base, slope, t: self.t.clone() }.unit()?
-        };
-        Some(SurfaceNormal { object, world })
-    }
-
-    /// The normal of length 1, rounded; `None` for a vector of zeros.
-    fn unit(&self) -> Option<[f32; 3]> {
-        let [p, q, r, h] = self.t.parts();
-        // Times |h|: P and Q of each component.
-        let sign = Dyadic::integer(h.sign().into());
-        let rational: Vector =
-            std::array::from_fn(|i| &sign * &(&(&self.base[i] * h) + &(&self.slope[i] * p)));
-        let mut irrational: Vector = std::array::from_fn(|i| &sign * &(&self.slope[i] * q));
-        let product = exact::dot(&rational, &irrational);
-        let [mut c, mut e] = [
-            &exact::dot(&rational, &rational) + &(r * &exact::dot(&irrational, &irrational)),
-            &product + &product,
-        ];
-        if Surd::new(c.clone(), e.clone(), r.clone(), Dyadic::integer(1)).sign() == 0 {
-            return None;
-        }
-        let mut denominator = &c.square() - &(&e.square() * r);
-        if denominator.is_zero() {
-            irrational = std::array::from_fn(|_| Dyadic::zero());
-            c = exact::dot(&rational, &rational);
-            e = Dyadic::zero();
-            denominator = c.square();
-        }
-        let component = |i: usize| {
-            let [p, q] = [&rational[i], &irrational[i]];
-            let sign = Surd::new(p.clone(), q.clone(), r.clone(), Dyadic::integer(1)).sign();
-            let a = &p.square() + &(&q.square() * r);
-            let b = &(p * q) + &(p * q);
-            let square = Surd::new(
-                &(&a * &c) - &(&(&b * &e) * r),
-                &(&b * &c) - &(&a * &e),
-                r.clone(),
-                denominator.clone(),
-            );
-            if sign == 0 { 0.0 } else { square.sqrt_to_f32().copysign(sign as f32) }
-        };
-        Some([component(0), component(1), component(2)])
+        linear_swept_sphere::exact_normal(ray, positions, radii)?.rounded(ray).map(Self::of_spaces)
     }
 }
 

@@ -25,8 +25,8 @@ fn length(vector: [f64; 3]) -> f64 {
     dot(vector, vector).sqrt()
 }
 
-/// What is wrong with a shader's normal, where it has to be within so many degrees of the exact one;
-/// `None` if nothing is.
+/// What is wrong with a shader's normal, where it has to be within so many degrees of the exact
+/// one; `None` if nothing is.
 pub fn difference(found: [f64; 3], exact: [f32; 3], degrees: f64) -> Option<String> {
     let [x, y, z] = exact;
     let [fx, fy, fz] = found.map(|component| component as f32);

@@ -102,8 +102,8 @@ impl ShaderOutcome {
     /// ```
     ///
     /// # Errors
-    /// `Expectation` where it is farther away, with both; `InvalidArgument` where the payload has no
-    /// such vector, or the hit no exact normal.
+    /// `Expectation` where it is farther away, with both; `InvalidArgument` where the payload has
+    /// no such vector, or the hit no exact normal.
     pub fn check_normal(&self, member: &str, degrees: f64) -> Result<()> {
         let wrong = |message: String| Error::new(ErrorKind::InvalidArgument, message);
         let exact = self.exact_normal().ok_or_else(|| {

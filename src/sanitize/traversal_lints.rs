@@ -1,5 +1,5 @@
-//! Lints about rays that follow each other in one invocation: rays that lose the time, and rays that
-//! begin on the surface that was hit before.
+//! Lints about rays that follow each other in one invocation: rays that lose the time, and rays
+//! that begin on the surface that was hit before.
 
 use std::sync::Arc;
 

@@ -1,7 +1,7 @@
 //! The exact normals against the gradients of the implicit surfaces, in numbers a + b sqrt(r) with
-//! rational a, b and r. A gradient is a central difference of the surface's function, which is exact
-//! for a polynomial of degree 2, at the exact point of the hit; in world space the function takes the
-//! point through the inverse of the matrix first.
+//! rational a, b and r. A gradient is a central difference of the surface's function, which is
+//! exact for a polynomial of degree 2, at the exact point of the hit; in world space the function
+//! takes the point through the inverse of the matrix first.
 
 use std::cmp::Ordering;
 

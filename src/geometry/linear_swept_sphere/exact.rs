@@ -3,7 +3,7 @@
 
 use std::cmp::Ordering;
 
-use crate::geometry::normal::EntryNormal;
+use crate::geometry::entry_normal::EntryNormal;
 use crate::geometry::object_ray::ObjectRay;
 use crate::geometry::{Intersection, sphere};
 use crate::math::array;
