@@ -92,14 +92,15 @@ impl<'a> BufferLayout<'a> {
     /// whole words.
     pub(super) fn member_at(&self, byte: u64) -> Option<BufferMember> {
         let MemoryPart { path, offset, ty, scalar } = self.module.part_at(self.ty, byte)?;
-        let is_whole_words = match self.module.ty(scalar) {
+        let is_whole_words = matches!(
+            self.module.ty(scalar),
             Type::Int { width: 32 | 64, .. }
-            | Type::Float { width: 32 | 64, encoding: None }
-            | Type::Pointer { storage_class: storage::PHYSICAL_STORAGE_BUFFER, .. } => true,
-            _ => false,
-        };
+                | Type::Float { width: 32 | 64, encoding: None }
+                | Type::Pointer { storage_class: storage::PHYSICAL_STORAGE_BUFFER, .. }
+        );
         let member = BufferMember { path, offset, size: self.module.size_of(ty)?, ty };
-        (is_whole_words && byte < member.offset + member.size && member.offset % 4 == 0).then_some(member)
+        (is_whole_words && byte < member.offset + member.size && member.offset.is_multiple_of(4))
+            .then_some(member)
     }
 
     /// The value of a member from its words.

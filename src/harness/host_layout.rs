@@ -22,6 +22,8 @@ mod math_types;
 mod rust_source;
 #[cfg(feature = "cli")]
 pub mod source;
+#[cfg(feature = "cli")]
+mod source_file;
 
 use std::sync::Arc;
 

@@ -8,7 +8,7 @@ use std::collections::HashMap;
 use crate::error::{Error, ErrorKind, Result};
 use crate::harness::host_layout::c_preprocessor::{PackedToken, apply, number, precedence, preprocess};
 use crate::harness::host_layout::math_types::{HostLanguage, math_type};
-use crate::harness::host_layout::source::{MAX_DEPTH, SourceFile};
+use crate::harness::host_layout::source_file::{MAX_DEPTH, SourceFile};
 use crate::harness::host_layout::{HostType, Parts, ScalarClass};
 
 /// Words before a type that do not change its layout.

@@ -6,7 +6,7 @@ use std::collections::HashMap;
 
 use crate::error::{Error, ErrorKind, Result};
 use crate::harness::host_layout::c_tokens::{Token, tokens};
-use crate::harness::host_layout::source::{MAX_DEPTH, SourceFile};
+use crate::harness::host_layout::source_file::{MAX_DEPTH, SourceFile};
 
 /// Tokens that macros may expand to.
 const MAX_TOKENS: usize = 4_000_000;
@@ -86,9 +86,8 @@ pub(super) fn preprocess(file: &SourceFile) -> Result<Vec<PackedToken>> {
                 condition.is_done |= holds;
             }
             "endif" => {
-                if conditions.pop().is_none() {
-                    return Err(error(file, directive, "there is no `#if` before it"));
-                }
+                let without_if = || error(file, directive, "there is no `#if` before it");
+                conditions.pop().ok_or_else(without_if)?;
             }
             _ if !is_active => {}
             "define" => {

@@ -38,8 +38,8 @@ pub(super) fn tokens(text: &str) -> Vec<Token> {
             at += 1;
         } else if rest.starts_with("//") {
             at += line_end(rest);
-        } else if rest.starts_with("/*") {
-            let end = rest[2..].find("*/").map_or(rest.len(), |end| end + 4);
+        } else if let Some(comment) = rest.strip_prefix("/*") {
+            let end = comment.find("*/").map_or(rest.len(), |end| end + 4);
             starts_line |= rest[..end].contains('\n');
             at += end;
         } else {

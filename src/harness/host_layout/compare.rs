@@ -337,7 +337,7 @@ impl LayoutComparison {
                     theirs += 1;
                 }
                 (Some(a), b) if b.is_none_or(|b| a.offset < b.offset) => {
-                    if !shader.members[a.row].is_padding && !(a.is_optional && b.is_none()) {
+                    if !(shader.members[a.row].is_padding || a.is_optional && b.is_none()) {
                         let around = host.scalars[..theirs].last();
                         let around = around.filter(|one| one.offset + one.size > a.offset);
                         return Some(self.only_shader(a, around.map(|one| &host.members[one.row])));

@@ -8,7 +8,7 @@ use syn::{Attribute, Expr, Fields, Item, Lit, Type};
 
 use crate::error::{Error, ErrorKind, Result};
 use crate::harness::host_layout::math_types::{HostLanguage, math_type};
-use crate::harness::host_layout::source::{MAX_DEPTH, SourceFile};
+use crate::harness::host_layout::source_file::{MAX_DEPTH, SourceFile};
 use crate::harness::host_layout::{HostType, ScalarClass};
 
 /// The items of a file that may take part in a layout, by name.
