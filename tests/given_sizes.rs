@@ -77,7 +77,7 @@ fn a_failure_shows_the_blocks_that_the_shader_reads() {
     assert!(ran.out.contains("record table[1], byte 24") && !ran.out.contains("bytes given"), "{}", ran.out);
 }
 
-/// The same for push constants.
+/// Push constants are shown with what is given and declared.
 #[test]
 fn an_explanation_shows_push_constants_with_their_sizes() {
     let longer =

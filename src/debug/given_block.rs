@@ -26,8 +26,8 @@ pub struct GivenBlock {
     pub value: Option<TypedValue>,
 }
 
-/// The push constants that a shader declares and was given; `named` names the buffers that addresses
-/// in the value lead to.
+/// The push constants that a shader declares and was given; `named` names the buffers that
+/// addresses in the value lead to.
 pub(super) fn given_block(
     named: impl Fn(TypedValue) -> TypedValue,
     program: &Program,

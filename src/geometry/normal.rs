@@ -24,7 +24,8 @@
 //!
 //! **At the hit** x = o + t d, and n = base + t slope with exact vectors base and slope. All that
 //! is hit has t = (p + q sqrt(r)) / h, so that a component of n is P + Q sqrt(r), times 1 / |h|.
-//! Its square divided by |n|^2 is, with A + B sqrt(r) = (P + Q sqrt(r))^2 and C + E sqrt(r) = |n|^2,
+//! Its square divided by |n|^2 is, with A + B sqrt(r) = (P + Q sqrt(r))^2 and
+//! C + E sqrt(r) = |n|^2,
 //!
 //! ```text
 //! (A + B sqrt(r)) / (C + E sqrt(r)) = ((A C - B E r) + (B C - A E) sqrt(r)) / (C^2 - E^2 r)

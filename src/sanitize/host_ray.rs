@@ -10,8 +10,8 @@ use crate::sanitize::report::{CallFrame, Reporter, Sink};
 use crate::sanitize::sanitizer::Sanitizer;
 
 impl Sanitizer<'_> {
-    /// Reports each word of the payload that is undefined at the end of a ray from the host, or of a
-    /// NaN or an infinity that an instruction made.
+    /// Reports each word of the payload that is undefined at the end of a ray from the host, or of
+    /// a NaN or an infinity that an instruction made.
     pub fn check_payload(&mut self, outcome: &RayOutcome) {
         let batch = Batch::<1>::new(Registers::new(0));
         for (word, shadow) in (0..).zip(&outcome.shadow) {

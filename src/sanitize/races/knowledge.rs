@@ -42,7 +42,7 @@ impl Times {
         Self { before: time, available: [[0; 3]; 3] }
     }
 
-    /// The same, of accesses up to another time.
+    /// Limits it to accesses before another time.
     pub(super) fn until(self, before: u32) -> Self {
         Self { before, ..self }
     }
