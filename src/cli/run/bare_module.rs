@@ -709,7 +709,8 @@ mod tests {
         for (element, buffer) in [("4294967295", "1[4294967295]=4"), ("1", "1[1]=4")] {
             let arguments = Arguments { buffer: vec![buffer.to_owned()], ..Arguments::default() };
             let module = Path::new("spirv-fixtures/pass/compute/prefix-sum/main.comp.spv");
-            let error = arguments.scene(module, None, InputLimits::default()).err().expect("no such element");
+            let error =
+                arguments.scene(module, None, InputLimits::default(), false).err().expect("no such element");
             let wanted = format!("set 0, binding 1 has no element {element}: 1 are bound");
             assert_eq!(error.message(), wanted);
         }
@@ -726,7 +727,7 @@ mod tests {
         let buffer = ["1[0]=8", "1[1]=12"].map(str::to_owned).to_vec();
         let arguments = Arguments { buffer, ..Arguments::default() };
         let module = Path::new("spirv-fixtures/fail/compute/array-of-buffers/main.comp.spv");
-        let (scene, _) = arguments.scene(module, None, InputLimits::default()).unwrap();
+        let (scene, _) = arguments.scene(module, None, InputLimits::default(), false).unwrap();
         let assembled = crate::scene::assemble(&scene).unwrap();
         let error = assembled.run::<64>(&assembled.resources, &|_| ()).unwrap_err();
         let trap = error.trap().expect("a trap");
