@@ -59,6 +59,8 @@ mod misuse;
 mod module_validation;
 mod names;
 mod obstacles;
+#[cfg(feature = "wgsl")]
+mod pass_bindings;
 mod passes;
 mod pictures;
 mod pipeline;
@@ -78,6 +80,8 @@ mod sanitized_modules;
 mod sanitized_outputs;
 #[cfg(feature = "glsl")]
 mod sanitized_values;
+#[cfg(feature = "wgsl")]
+mod saved_pictures;
 mod scene_init;
 mod scene_schema;
 mod shares;

@@ -404,7 +404,7 @@ fn a_picture_that_cannot_be_shared_says_why() {
     let shard = ["--shard", "1/2", "--result", &file];
     let ran = anyhit(&[&["render", "shaders/pass/frames/ping-pong/scene.toml"], &shard[..]].concat());
     assert_eq!(ran.code, Some(2), "{}", ran.err);
-    let told = "the picture cannot be shared by rows: the scene has passes";
+    let told = "the picture cannot be shared by rows: the scene runs more than one launch";
     assert!(ran.err.contains(told), "{}", ran.err);
     let scene = ["render", "scenes/swept-spheres.toml"];
     for (flags, words) in [

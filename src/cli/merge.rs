@@ -23,7 +23,7 @@ use crate::harness::shares::stress::StressResult;
 use crate::harness::shares::{ShareResult, ShareResults, command_of};
 use crate::harness::suite::SuiteResult;
 use crate::input::{InputLimit, InputLimits, read_argument};
-use crate::scene::image::{PictureKind, write_picture};
+use crate::scene::image::{PictureKind, PixelEncoding, write_picture};
 
 /// Makes one report of the results that `--result` wrote on several machines.
 ///
@@ -167,7 +167,9 @@ impl MergeArgs {
         let file = self.output.clone().unwrap_or_else(|| PathBuf::from("out.png"));
         PictureKind::of(&file).map_or(Ok(()), PictureKind::check)?;
         let picture = RenderResult::picture(results)?;
-        write_picture(&file, &picture, results.whole().to_srgb)?;
+        let whole = results.whole();
+        let encoding = PixelEncoding { to_srgb: whole.to_srgb, keep_alpha: whole.keep_alpha };
+        write_picture(&file, &picture, encoding)?;
         if self.output.is_none() {
             output::hint(format_args!("the picture is in {}", escape::path(&file)));
         }

@@ -1,4 +1,4 @@
-//! `anyhit render`: launches a scene's ray generation shader over its image.
+//! `anyhit render`: runs a scene and saves its picture.
 
 mod look;
 mod share;
@@ -29,10 +29,10 @@ use crate::machine::image::ImageShape;
 use crate::pipeline::{Band, BandedLaunch, Stats, StreamedImage};
 use crate::scene::image::{PictureKind, stream_png, write_picture};
 use crate::scene::image_entry::ImageContent;
-use crate::scene::resources::{Output, Resource};
+use crate::scene::resources::Resource;
 use crate::scene::{self, Assembled, LoadOptions, ResolvedScene, resolved};
 
-/// Renders a scene: launches its ray generation shader over an image and saves the image.
+/// Renders a scene: runs its launch, dispatches or passes and saves the image that they leave.
 ///
 /// An image of more than 64 MiB is written while it is rendered, a band of rows at a time, if every
 /// invocation writes only to the row of its own launch index. Otherwise it is held in memory, up to
@@ -46,6 +46,10 @@ pub(super) struct RenderArgs {
     /// The file to write, .png, .exr (feature `exr`) or .raw (the texels' bytes) [default: out.png]
     #[arg(short, long, value_name = "FILE", value_parser = output::picture_parser())]
     output: Option<PathBuf>,
+
+    /// Keep the alpha of the image in a .png, which is opaque otherwise
+    #[arg(long)]
+    alpha: bool,
 
     /// Width and height of the launch, instead of the scene's own; up to 2^30 texels, such as
     /// 32768x32768
@@ -120,7 +124,8 @@ pub(super) fn run(args: RenderArgs) -> Result<()> {
         let message = "the scene has no output image: give one storage image `output = true`";
         return Err(Error::new(ErrorKind::InvalidScene, message).at(Place::File(resolved.path)));
     };
-    let to_srgb = output.output == Some(Output::Linear);
+    let mut encoding = resolved.encoding_of(output);
+    encoding.keep_alpha |= args.alpha;
     let mut assembled = scene::assemble_without(&resolved, output)?;
     output::notes(&assembled.notes);
     let streamed = StreamedImage {
@@ -140,7 +145,8 @@ pub(super) fn run(args: RenderArgs) -> Result<()> {
             precision: args.precision.map(|precision| precision.name().to_owned()),
             size: [width, height],
             format: RenderWhole::format_of(image.format),
-            to_srgb,
+            to_srgb: encoding.to_srgb,
+            keep_alpha: encoding.keep_alpha,
         };
         let bar = progress_bar(u64::from(width) * u64::from(height) / args.share.shard_or_whole().of as u64);
         let shared = PictureShare { share: &args.share, whole, bands, lanes: &args.lanes };
@@ -164,9 +170,10 @@ pub(super) fn run(args: RenderArgs) -> Result<()> {
     let load_time = begin.elapsed();
 
     let size = assembled.size;
-    let bar = progress_bar(match assembled.is_frame() {
-        true => assembled.invocations(),
-        false => size.iter().map(|&side| u64::from(side)).product(),
+    let is_single_launch = assembled.is_single_launch();
+    let bar = progress_bar(match is_single_launch {
+        true => size.iter().map(|&side| u64::from(side)).product(),
+        false => assembled.invocations(),
     });
     let drawn =
         args.many_seeds.run(&args.sanitize, &args.stability, &resolved, &assembled, repeated(&args))?;
@@ -179,7 +186,7 @@ pub(super) fn run(args: RenderArgs) -> Result<()> {
     };
     let outcome = match &bands {
         _ if sanitized.is_some() => Ok(Stats::default()),
-        None if assembled.is_frame() => match args.lanes.as_str() {
+        None if !is_single_launch => match args.lanes.as_str() {
             "1" => assembled.run::<1>(&assembled.resources, &on_progress),
             "128" => assembled.run::<128>(&assembled.resources, &on_progress),
             _ => assembled.run::<64>(&assembled.resources, &on_progress),
@@ -189,7 +196,7 @@ pub(super) fn run(args: RenderArgs) -> Result<()> {
             "128" => launch.run::<128>(size, &on_progress),
             _ => launch.run::<64>(size, &on_progress),
         },
-        Some(bands) => stream_png(&file, [size[0], size[1]], image.format, to_srgb, |png| {
+        Some(bands) => stream_png(&file, [size[0], size[1]], image.format, encoding, |png| {
             let mut write_band = |band: Band<'_>| png.rows(band.rows(), |row| band.row_bytes(row));
             match args.lanes.as_str() {
                 "1" => bands.run::<1>(&on_progress, &mut write_band),
@@ -204,7 +211,7 @@ pub(super) fn run(args: RenderArgs) -> Result<()> {
     let launch_stats = outcome?;
 
     if let Some(image) = &whole_image {
-        write_picture(&file, image, to_srgb)?;
+        write_picture(&file, image, encoding)?;
     }
     if let Some(run) = sanitized {
         return args.sanitize.finish([Some(run.findings), drawn], run.outcome, &resolved.path).map(|_| ());
@@ -302,6 +309,9 @@ fn run_look(args: RenderArgs) -> Result<()> {
         kind.check()?;
     }
     let scene = load(&args, false)?;
+    if !scene.launches() && !scene.dispatches.is_empty() {
+        return Err(compute_only(&scene));
+    }
     let mut flags = String::new();
     if let Some([width, height]) = args.size {
         flags += &format!(" --size {width}x{height}");
@@ -319,6 +329,7 @@ fn run_look(args: RenderArgs) -> Result<()> {
             flags: &flags,
             output: args.output.as_deref(),
             json: args.json,
+            keep_alpha: args.alpha,
         },
     )
 }
@@ -337,30 +348,17 @@ fn load(args: &RenderArgs, streams: bool) -> Result<ResolvedScene> {
     };
     output::notes(&scene.notes);
     args.limits.limits(LaunchLimits::default()).give(&mut scene);
-    if !scene.launches() && !scene.dispatches.is_empty() {
-        return Err(compute_only(&scene));
-    }
     Ok(scene)
 }
 
-/// The error for a scene that dispatches compute shaders and launches no ray generation shader.
+/// The error for a look at the launch of a scene that dispatches compute shaders alone.
 fn compute_only(scene: &ResolvedScene) -> Error {
     let path = shell::word(&scene.path.to_string_lossy());
-    let save = match scene.output() {
-        Some(output) => {
-            // A name ends at the first `=`.
-            let what = match output.name.contains('=') {
-                true => format!("{},{}", output.set, output.binding),
-                false => output.name.clone(),
-            };
-            format!("anyhit run {path} --save {}", shell::word(&format!("{what}=out.png")))
-        }
-        None => format!("anyhit run {path}"),
-    };
     let message = "the scene has no ray generation shader: it dispatches compute shaders";
     Error::new(ErrorKind::InvalidScene, message)
         .at(Place::File(scene.path.clone()))
-        .note(format!("`{save}` runs its dispatches"))
+        .note("`--heat`, `--profile` and `--html` count the invocations of a launch")
+        .note(format!("`anyhit render {path}` runs its dispatches and saves the picture"))
         .note(format!(
             "`anyhit trace-one-ray {path} --invocation 0,0,0` explains the ray queries of an invocation"
         ))
@@ -407,8 +405,8 @@ fn why_not_in_bands(
 ) -> Option<&'static str> {
     let Some(image) = output.resource.image() else { return Some("it is none") };
     let [width, height, _] = assembled.size;
-    Some(if assembled.is_frame() {
-        "the scene has passes"
+    Some(if !assembled.is_single_launch() {
+        "the scene runs more than one launch"
     } else if args.sanitize.is_requested() {
         "the sanitizer runs the whole launch"
     } else if args.many_seeds.is_requested(&args.stability) {

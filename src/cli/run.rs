@@ -20,7 +20,7 @@ use crate::error::Result;
 use crate::geometry::Precision;
 use crate::input::{InputLimit, is_stream, read_argument};
 use crate::machine::{LaunchLimits, MemoryPolicy};
-use crate::scene::image::{PictureKind, write_picture};
+use crate::scene::image::{PictureKind, PixelEncoding, write_picture};
 use crate::scene::{self, LoadOptions, ResolvedScene};
 
 /// Runs a scene's launch and dispatches, or the compute shader of a bare module.
@@ -43,6 +43,9 @@ pub(super) struct RunArgs {
     /// `exr`) or .raw (the texels' bytes)
     #[arg(long, value_name = "WHAT=FILE.png")]
     save: Vec<String>,
+    /// With --save: keep the alpha of the image in a .png, which is opaque otherwise
+    #[arg(long, requires = "save")]
+    alpha: bool,
     /// What an access outside its buffer does: a trap, or Vulkan's robust result [default: the
     /// scene's choice]
     #[arg(long, value_name = "POLICY", value_parser = ["trap", "robust"])]
@@ -142,7 +145,7 @@ fn run_scene(args: &RunArgs, mut scene: ResolvedScene, is_scene: bool, begin: In
     }
     let shown: Vec<_> =
         shown.iter().map(|one| one.find(&scene, &assembled.resources)).collect::<Result<_>>()?;
-    let saved = args.save.iter().map(|text| saved_image(text, &scene, &assembled.resources));
+    let saved = args.save.iter().map(|text| saved_image(text, &scene, &assembled.resources, args.alpha));
     let saved: Vec<_> = saved.collect::<Result<_>>()?;
 
     let load_time = begin.elapsed();
@@ -170,8 +173,8 @@ fn run_scene(args: &RunArgs, mut scene: ResolvedScene, is_scene: bool, begin: In
             None => output::print(one.text(&assembled)?)?,
         }
     }
-    for (path, image) in saved {
-        write_picture(&path, &image, false)?;
+    for (path, image, encoding) in saved {
+        write_picture(&path, &image, encoding)?;
     }
     let launch_stats = args.sanitize.finish([found, drawn], outcome, &scene.path)?;
     if args.stats {
@@ -206,22 +209,28 @@ fn what(args: &RunArgs) -> Result<(bool, Option<Vec<u8>>)> {
     Ok((is_scene, Some(bytes)))
 }
 
-type SavedImage = (PathBuf, Arc<crate::machine::image::Image>);
+type SavedImage = (PathBuf, Arc<crate::machine::image::Image>, PixelEncoding);
 
-/// `WHAT=FILE.png`: the file and the image.
+/// `WHAT=FILE.png`: the file, the image and the encoding of a PNG.
 fn saved_image(
     text: &str,
     scene: &scene::ResolvedScene,
     resources: &crate::machine::Resources,
+    keep_alpha: bool,
 ) -> Result<SavedImage> {
     let Some((what, path)) = text.split_once('=') else {
         return Err(dump::invalid(format!("`--save {text}`: WHAT=FILE.png is needed")));
     };
-    match dump::descriptor(what, scene, resources)?.2 {
+    let (at, element, found) = dump::descriptor(what, scene, resources)?;
+    let bound = scene.resources.iter();
+    let bound = bound.filter(|one| (one.set, one.binding, one.element) == (at.set, at.binding, element));
+    let mut encoding = bound.map(|one| scene.encoding_of(one)).next().unwrap_or_default();
+    encoding.keep_alpha |= keep_alpha;
+    match found {
         dump::FoundResource::Image(image) => match output::picture_file(path.into()) {
             Ok(path) => {
                 PictureKind::of(&path).map_or(Ok(()), PictureKind::check)?;
-                Ok((path, image))
+                Ok((path, image, encoding))
             }
             Err(why) => Err(dump::invalid(format!("`--save {text}`: {why}"))),
         },

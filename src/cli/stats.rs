@@ -9,7 +9,7 @@ use crate::pipeline::{BandedLaunch, Stats};
 use crate::program::race_analysis::Memory;
 use crate::scene::Assembled;
 use crate::scene::image_entry::ImageContent;
-use crate::scene::pass::{Dispatch, PassWork};
+use crate::scene::pass::PassWork;
 use crate::sorted::{sort, sort_by_key};
 
 /// The lines of `--stats` about rays, invocations, occupancy and times.
@@ -61,7 +61,7 @@ pub(super) fn single_threaded(assembled: &Assembled) -> String {
             PassWork::Launch(launch) => {
                 let pipeline = assembled.pipeline_at(launch.pipeline);
                 let ordered = pipeline.order_dependent();
-                let memory = pipeline.shared_memory(launch.size, &resources).filter(|_| !ordered);
+                let memory = pipeline.shared_memory(launch.size(&resources), &resources).filter(|_| !ordered);
                 let owner = match is_frame {
                     true => format!("the launch's of pass {}", pass.label(number)),
                     false => "the launch's".to_owned(),
@@ -69,9 +69,10 @@ pub(super) fn single_threaded(assembled: &Assembled) -> String {
                 (memory, owner)
             }
             PassWork::Dispatch(index) => {
-                let Dispatch { compute, groups, .. } = &assembled.dispatches[*index];
+                let dispatch = &assembled.dispatches[*index];
+                let (compute, groups) = (&dispatch.compute, dispatch.groups(&resources));
                 let ordered = compute.program.order_dependent;
-                let memory = compute.shared_memory(*groups, &resources).filter(|_| !ordered);
+                let memory = compute.shared_memory(groups, &resources).filter(|_| !ordered);
                 (memory, format!("GLCompute `{}`'s", compute.program.name))
             }
         };

@@ -22,7 +22,7 @@ impl Session {
         let middle = |number: usize| {
             let dispatch = self.assembled.dispatches.get(number)?;
             let size = dispatch.compute.workgroup_size();
-            let middle = |axis: usize| dispatch.groups[axis].saturating_mul(size[axis]) / 2;
+            let middle = |axis: usize| dispatch.given_groups[axis].saturating_mul(size[axis]) / 2;
             Some((number, array::from_fn(middle)))
         };
         Ok(match request {
@@ -83,20 +83,20 @@ impl Session {
         builder.shader(dispatch.compute.program.clone());
         let pipeline = builder.build()?;
         let resources = self.assembled.pass_resources(pass, all);
+        let groups = dispatch.groups(&resources);
         // What was printed before is not the invocation's.
         let take = || all.printed.as_ref().map_or_else(Vec::new, |printed| printed.take());
         take();
         let (mut snapshot, mut writes, mut left_out) = (None, Vec::<MemoryChange>::new(), 0);
-        let observed =
-            dispatch.compute.run_invocation(&resources, dispatch.groups, id, &mut |part| match part {
-                RunPart::Begins => snapshot = Some(Snapshot::take(all)),
-                RunPart::Ends => {
-                    let Some(before) = snapshot.take() else { return };
-                    let (more, also) = before.changes(&self.scene, &pipeline, all, pass, None);
-                    writes.extend(more);
-                    left_out += also;
-                }
-            })?;
+        let observed = dispatch.compute.run_invocation(&resources, groups, id, &mut |part| match part {
+            RunPart::Begins => snapshot = Some(Snapshot::take(all)),
+            RunPart::Ends => {
+                let Some(before) = snapshot.take() else { return };
+                let (more, also) = before.changes(&self.scene, &pipeline, all, pass, None);
+                writes.extend(more);
+                left_out += also;
+            }
+        })?;
         let printed = take().into_iter().filter(|line| line.launch_id == id);
         let printed: Vec<String> = printed.map(|line| line.text).collect();
         let counts = run_counts(&count_events(&observed.events));
@@ -119,7 +119,7 @@ impl Session {
             dispatch: Some(DispatchIndex {
                 dispatch: number,
                 id,
-                groups: dispatch.groups,
+                groups,
                 workgroup_size: dispatch.compute.workgroup_size(),
             }),
             root,

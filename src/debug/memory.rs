@@ -60,7 +60,11 @@ impl Snapshot {
         let seen = |at: (Binding, usize)| {
             let source = RebindingSource::Bound([at.0.set, at.0.binding, at.1 as u32]);
             let rebound = pass.rebindings.iter().find(|one| one.source == source);
-            rebound.map_or(at.0, |one| Binding { set: one.at[0], binding: one.at[1] })
+            if let Some(one) = rebound {
+                return Some(Binding { set: one.at[0], binding: one.at[1] });
+            }
+            let own = pass.own_bindings.iter().find(|own| own.kept == at.0).map(|own| own.at);
+            own.or(Some(at.0).filter(|at| pass.kept(*at) == *at))
         };
         let output = scene.output().map(|output| Binding { set: output.set, binding: output.binding });
         let mut all = Vec::new();
@@ -70,12 +74,15 @@ impl Snapshot {
                     changed_texels(before, after, id.filter(|_| Some(at.0) == output && at.1 == 0))
                 }
                 (Some(ResourceContent::Words(before)), Descriptor::Buffer(after)) => {
-                    changed_words(BufferLayout::of(pipeline, seen(at)), before, &words(after))
+                    let layout = seen(at).and_then(|at| BufferLayout::of(pipeline, at));
+                    changed_words(layout, before, &words(after))
                 }
                 _ => continue,
             };
-            let name = name(scene, at.0);
-            let change = |change: Change| change.of(&name, Some(at.0), resources);
+            let found = scene.resources.iter().find(|one| one.kept_at() == at.0);
+            let name = found.map_or_else(String::new, |one| one.name.clone());
+            let place = found.map_or(at.0, |one| one.declared_at());
+            let change = |change: Change| change.of(&name, Some(place), resources);
             all.extend(changes.into_iter().map(change));
         }
         for (name, buffer) in unbound(resources) {
@@ -220,12 +227,4 @@ fn colour(format: Format, bits: u128) -> TypedValue {
             content: values::ValueContent::List(parts),
         },
     }
-}
-
-fn name(scene: &ResolvedScene, at: Binding) -> String {
-    scene
-        .resources
-        .iter()
-        .find(|one| one.set == at.set && one.binding == at.binding)
-        .map_or_else(String::new, |one| one.name.clone())
 }

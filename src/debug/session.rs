@@ -122,7 +122,7 @@ impl Session {
         };
         let (launch, outcome) = match request.what {
             SingleRun::Pixel(id) => {
-                let size = single.size;
+                let size = single.size_in(&resources);
                 (Some(LaunchIndex { id, size }), run.run_one(id, size, Some(&mut log), None))
             }
             SingleRun::Ray(ray) => {
@@ -255,7 +255,9 @@ impl Session {
             });
         }
         let size = single.size;
-        if id.iter().zip(&size).all(|(at, side)| at < side) {
+        // What a buffer holds is known when the passes before have run.
+        let is_known = single.pass.indirect.is_none();
+        if !is_known || id.iter().zip(&size).all(|(at, side)| at < side) {
             return Ok(ResolvedRequest { pass: pass.cloned(), what: SingleRun::Pixel(id) });
         }
         let words = |all: [u32; 3]| match all {

@@ -13,6 +13,7 @@ use crate::machine::{Binding, Resources};
 use crate::module::ty::TypeId;
 use crate::program::Program;
 use crate::program::descriptors::declared_blocks;
+use crate::sorted::SortedMap;
 
 /// What was bound for some shaders, and so how it is laid out.
 #[derive(Clone, Debug)]
@@ -21,6 +22,9 @@ pub(super) struct Bound {
     pub resources: Resources,
     /// What holds addresses beside resources and push constants.
     pub roots: AddressRoots,
+    /// Of descriptors that are kept at another place than shaders declare: these places, and the
+    /// shaders with where they declare them.
+    pub readers: SortedMap<Binding, Vec<(Arc<Program>, Binding)>>,
 }
 
 impl Bound {
@@ -46,11 +50,15 @@ impl Bound {
 
     pub(super) fn buffer(&self, set: u32, binding: u32) -> Result<Value> {
         let bytes = self.buffer_bytes(set, binding)?;
-        let place = Some(Binding { set, binding });
-        let block = self.programs.iter().find_map(|program| {
-            let block = blocks(program).find(|block| block.2 == place);
+        let kept = Binding { set, binding };
+        let read = |program: &Arc<Program>, at: Binding| {
+            let block = blocks(program).find(|block| block.2 == Some(at));
             block.map(|(ty, ..)| Layout::new(&program.module, ty, Rules::Explicit).read(&bytes))
-        });
+        };
+        let block = match self.readers.get(&kept) {
+            Some(readers) => readers.iter().find_map(|(program, at)| read(program, *at)),
+            None => self.programs.iter().find_map(|program| read(program, kept)),
+        };
         block.ok_or_else(|| {
             invalid(format!("no shader here uses a buffer at set {set}, binding {binding}"))
                 .note("`buffer_bytes` gives its bytes nevertheless")

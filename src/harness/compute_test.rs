@@ -20,6 +20,7 @@ use crate::pipeline::{Compute, Stats};
 use crate::program::Program;
 use crate::sanitize::module_checks::check_module;
 use crate::sanitize::{Levels, ProgramPlan, Sanitizer};
+use crate::sorted::SortedMap;
 
 /// A compute shader with what it has bound, and how many workgroups of it run.
 ///
@@ -117,7 +118,12 @@ impl ComputeTest {
             error.note(format!("of a dispatch of {x} x {y} x {z} workgroups"))
         })?;
         let printed = resources.printed.take().map_or_else(Vec::new, |printed| printed.take());
-        let bound = Bound { programs: vec![program.clone()], resources, roots: Vec::new() };
+        let bound = Bound {
+            programs: vec![program.clone()],
+            resources,
+            roots: Vec::new(),
+            readers: SortedMap::new(),
+        };
         Ok(ComputeOutcome { stats, printed, bound })
     }
 

@@ -432,12 +432,18 @@ impl LoadedScene {
             Some((one.name.clone(), Found::Address(address)))
         });
         let programs = assembled.programs().cloned().collect();
+        let shared = assembled.passes.iter().flat_map(|pass| &pass.own_bindings);
+        let readers = shared.flat_map(|own| [own.at, own.kept]).map(|kept| {
+            let readers = assembled.readers_of(kept).into_iter();
+            (kept, readers.map(|(program, at)| (program.clone(), at)).collect())
+        });
+        let readers = readers.collect();
         SceneOutcome {
             pass: pass.map(|number| assembled.passes[number].key(number)),
             stats,
             printed: resources.printed.as_ref().map_or_else(Vec::new, |printed| printed.take()),
             names: bound.chain(unbound).collect(),
-            bound: Bound { programs, roots: typed_scene::roots(assembled), resources },
+            bound: Bound { programs, roots: typed_scene::roots(assembled), resources, readers },
         }
     }
 

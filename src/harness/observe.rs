@@ -11,7 +11,6 @@ use crate::ops::pointer::storage;
 use crate::pipeline::{Event, Pipeline};
 use crate::program::Program;
 use crate::scene::ResolvedScene;
-use crate::scene::resources::Output;
 
 /// A copy of resources that collects what shaders print.
 pub(super) fn fresh_resources(resources: &Resources) -> Resources {
@@ -38,8 +37,8 @@ pub(super) fn read_resources(scene: &ResolvedScene, resources: &Resources, obser
             }
             Some(Descriptor::Image(image) | Descriptor::ImageSampler(image, _)) => {
                 let row = Some([image.shape().extent[0] as usize, image.format().texel_size() as usize]);
-                let linear = binding.output == Some(Output::Linear);
-                let (bytes, image) = (image.bytes(), Some((image.clone(), linear)));
+                let encoding = scene.encoding_of(binding);
+                let (bytes, image) = (image.bytes(), Some((image.clone(), encoding)));
                 observed.images.push(Bytes { name, binding: place, row, bytes, image });
             }
             _ => {}

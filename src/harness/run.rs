@@ -61,7 +61,7 @@ pub fn launch_covered(scene: &ResolvedScene, assembled: &Assembled, recorder: &m
                 PassWork::Launch(launch) => {
                     let (mut sink, counts) = recorder.parts(launch.pipeline);
                     let pipeline = assembled.pass_pipeline(launch);
-                    let size = launch.size;
+                    let size = launch.size(&resources);
                     let launch = Launch { pipeline: &pipeline, resources: &resources };
                     launch.run_observed(size, &mut |event: Event| sink.event(&event), counts)
                 }
@@ -69,7 +69,7 @@ pub fn launch_covered(scene: &ResolvedScene, assembled: &Assembled, recorder: &m
                     let (mut sink, counts) = recorder.dispatch(*at);
                     let dispatch = &assembled.dispatches[*at];
                     let on_event = &mut |event: Event| sink.event(&event);
-                    dispatch.compute.run_observed(&resources, dispatch.groups, on_event, counts)
+                    dispatch.compute.run_observed(&resources, dispatch.groups(&resources), on_event, counts)
                 }
             };
             stats = stats.plus(&more.map_err(|error| assembled.in_pass(number, error))?);
@@ -111,7 +111,8 @@ pub fn costs(assembled: &Assembled) -> Result<Costs> {
         };
         let (pipeline, resources) =
             (assembled.pass_pipeline(launch), assembled.pass_resources(pass, &resources));
-        sum = sum.or(costs_of(&Launch { pipeline: &pipeline, resources: &resources }, launch.size)?);
+        sum = sum
+            .or(costs_of(&Launch { pipeline: &pipeline, resources: &resources }, launch.size(&resources))?);
     }
     Ok(sum)
 }
@@ -193,10 +194,11 @@ fn single_ray(
     let single = assembled.single_launch(entry.pass().map(|key| key.value.0.as_str()))?;
     single.run_before(resources)?;
     let resources = single.resources(resources);
+    let size = single.size_in(&resources);
     let launch = Launch { pipeline: &single.pipeline, resources: &resources };
     let mut events: Vec<Event> = Vec::new();
     let stats = if measurements.recorder.is_none() && !measurements.costs {
-        trace(scene, &launch, single.size, entry, &mut events, None)?
+        trace(scene, &launch, size, entry, &mut events, None)?
     } else {
         let mut meter = Meter::new(launch.pipeline);
         meter.begin(None);
@@ -209,7 +211,7 @@ fn single_ray(
             sink.event(&event);
             events.push(event);
         };
-        let outcome = trace(scene, &launch, single.size, entry, &mut sink, Some(&mut both));
+        let outcome = trace(scene, &launch, size, entry, &mut sink, Some(&mut both));
         observed.costs = Some(meter.costs());
         outcome?
     };

@@ -110,7 +110,7 @@ fn run_passes(
                 let pass_pipeline = launch.pipeline;
                 let seen = traced.entry(pass_pipeline).or_default();
                 let mut watch = RayWatch::new(&pipeline, scene, levels, seen);
-                let size = launch.size;
+                let size = launch.size(&resources);
                 let side_by_side = SideBySide::of(&plans, &resources);
                 sizes.push(LaunchSize { invocations: size, workgroup: [1; 3] });
                 let launch = Launch { pipeline: &pipeline, resources: &resources };
@@ -133,17 +133,18 @@ fn run_passes(
                 let on_event = &mut |event| queried.add_event(&event);
                 let compute = &dispatch.compute;
                 let side_by_side = SideBySide::of(&plans, &resources);
+                let groups = dispatch.groups(&resources);
                 if let Some(layout) = compute.program.workgroup {
-                    let invocations = |axis: usize| layout.size[axis].saturating_mul(dispatch.groups[axis]);
+                    let invocations = |axis: usize| layout.size[axis].saturating_mul(groups[axis]);
                     let invocations = array::from_fn(invocations);
                     sizes.push(LaunchSize { invocations, workgroup: layout.size });
                 }
-                let outcome = compute.run_observed(&resources, dispatch.groups, on_event, &mut sanitizer);
+                let outcome = compute.run_observed(&resources, groups, on_event, &mut sanitizer);
                 let first = reference.dispatch_program(*at);
                 let (found, left) = sanitizer.into_findings_and_unwritten();
                 findings.extend(found.of_shaders_from(first));
                 if let Some(run) = side_by_side {
-                    findings.extend(run.dispatch(compute, dispatch.groups, levels).of_shaders_from(first));
+                    findings.extend(run.dispatch(compute, groups, levels).of_shaders_from(first));
                 }
                 unwritten = left;
                 outcome
@@ -221,7 +222,7 @@ pub fn sanitize_one(
     let outcome = {
         let (watch, sanitizer) = (Some(&mut watch as _), Some(&mut sanitizer as _));
         match &which.what {
-            SingleRun::Pixel(id) => launch.run_one(*id, single.size, watch, sanitizer),
+            SingleRun::Pixel(id) => launch.run_one(*id, single.size_in(&resources), watch, sanitizer),
             SingleRun::Ray(given) => {
                 let tlas = if let Some((_, tlas)) = scene.tlas.first() { tlas } else { Tlas::empty() };
                 let operands = given.operands(launch.pipeline)?;

@@ -23,6 +23,7 @@ use crate::pipeline::{
     Band, BandedLaunch, Event, Launch, Pipeline, PipelineObserver, RayOperands, Stats, StreamedImage,
 };
 use crate::program::Program;
+use crate::sorted::SortedMap;
 
 /// A ray without flags, seen by all masks, with SBT offset 0, SBT stride 1 and miss index 0; its
 /// payload begins as zeros.
@@ -346,7 +347,7 @@ impl Pipeline {
 
     fn bound(&self, scene: &Scene) -> Bound {
         let (programs, resources) = (self.programs.clone(), scene.resources().clone());
-        Bound { programs, resources, roots: record_roots(self) }
+        Bound { programs, resources, roots: record_roots(self), readers: SortedMap::new() }
     }
 }
 

@@ -12,11 +12,11 @@ use crate::program::Program;
 use crate::scene::Assembled;
 use crate::scene::pass::Pass;
 
-/// A buffer's content by the type of the first shader that uses it; `None` where no shader declares
-/// it.
-pub fn typed(assembled: &Assembled, binding: Binding, bytes: &[u8]) -> Option<Value> {
-    programs(assembled).find_map(|program| {
-        let of_binding = |one: &(u32, Option<Binding>, Option<TypeId>)| one.1 == Some(binding);
+/// The content of a buffer, by where its descriptor is kept and the type of the first shader that
+/// uses it; `None` where no shader declares it.
+pub fn typed(assembled: &Assembled, kept: Binding, bytes: &[u8]) -> Option<Value> {
+    assembled.readers_of(kept).into_iter().find_map(|(program, at)| {
+        let of_binding = |one: &(u32, Option<Binding>, Option<TypeId>)| one.1 == Some(at);
         let (.., ty) = bound(program).into_iter().find(of_binding)?;
         let ty = block(&program.module, ty?);
         let block = matches!(program.module.ty(ty), Type::Struct { .. });

@@ -135,6 +135,9 @@ pub struct Resources {
     pub names: SortedMap<Binding, Arc<str>>,
     /// The bytes of the push constants.
     pub push_constants: Option<Arc<Buffer>>,
+    /// Three words of a buffer, from which the host reads the size of a dispatch or launch
+    /// (`VkDispatchIndirectCommand`, `VkTraceRaysIndirectCommandKHR`).
+    pub indirect: Option<Arc<Buffer>>,
     /// The memory that shaders access through device addresses.
     pub memory: DeviceMemory,
     /// Collects what shaders print; without it printing does nothing.

@@ -23,11 +23,12 @@ use crate::scene::descriptors;
 use crate::scene::file::MissingDescriptors;
 use crate::scene::files::SceneFiles;
 use crate::scene::image_entry::ImageContent;
+use crate::scene::own_bindings::{self, OwnBinding};
 use crate::scene::pass::{Dispatch, LaunchPass, Pass, PassWork};
 use crate::scene::read::first_of;
 use crate::scene::resolved::{
-    self, ResolvedGroup, ResolvedPass, ResolvedPassWork, ResolvedPipeline, ResolvedRecord, ResolvedScene,
-    ResolvedShader, ShaderCode, ShaderModule,
+    self, IndirectSize, RebindingSource, ResolvedGroup, ResolvedPass, ResolvedPassWork, ResolvedPipeline,
+    ResolvedRecord, ResolvedScene, ResolvedShader, ShaderCode, ShaderModule,
 };
 use crate::scene::resources::{BufferView, Resource};
 use crate::sorted::SortedMap;
@@ -118,6 +119,7 @@ fn assemble_excluding(
     let built: Vec<_> = scene.all_pipelines().map(|one| pipeline(&mut shaders, one, &mut errors)).collect();
     let dispatches = dispatches(&mut shaders, &mut errors);
     let mut resources = resources(scene, excluded, addresses, &mut errors);
+    errors.extend(indirect_sizes(scene).filter_map(|indirect| check_indirect(scene, indirect).err()));
     if scene.missing_descriptors == MissingDescriptors::Zeros {
         let programs = || shaders.programs.iter().map(|(.., program)| &**program);
         for binding in programs().flat_map(Program::bindings) {
@@ -161,15 +163,42 @@ fn assemble_excluding(
         // A binding that is not where the source says, for one, is only understood by them.
         return Err(warnings.into_iter().fold(error, Error::note));
     }
+    let mut passes = passes(scene, &pipelines, dispatches.len(), addresses)?;
+    let ran: Vec<(String, Vec<&Program>)> = passes
+        .iter()
+        .enumerate()
+        .map(|(number, pass)| {
+            let programs = match &pass.work {
+                PassWork::Launch(launch) => {
+                    &pipelines[launch.pipeline.map_or(0, |index| index + 1)].0.programs[..]
+                }
+                PassWork::Dispatch(index) => std::slice::from_ref(&dispatches[*index].compute.program),
+            };
+            (pass.label(number), programs.iter().map(|program| &**program).collect())
+        })
+        .collect();
+    let (own_bindings, errors) = own_bindings::own_bindings(scene, &ran);
+    if !errors.is_empty() {
+        return Err(deduplicate(errors, scene.files.limits.get(InputLimit::ErrorsShown)));
+    }
     let programs = || shaders.programs.iter().map(|(.., program)| &**program);
+    let of_passes = |program: &Program| -> Vec<&[OwnBinding]> {
+        let has =
+            |(_, programs): &(String, Vec<&Program>)| programs.iter().any(|one| std::ptr::eq(*one, program));
+        let own: Vec<_> =
+            ran.iter().zip(&own_bindings).filter(|(ran, _)| has(ran)).map(|(_, own)| &own[..]).collect();
+        if own.is_empty() { vec![&[]] } else { own }
+    };
     let mut notes = warnings;
     let undeclared = |(shader, module): (&ShaderModule, &Arc<Module>)| {
         module.declaration_warnings(&format!("shader `{}`", shader.name))
     };
     notes.extend(shaders.modules().flat_map(undeclared));
-    notes.extend(descriptors::stride_notes(scene, programs()));
+    notes.extend(descriptors::stride_notes(scene, programs(), of_passes));
     notes.extend(descriptors::missing_note(scene, programs()));
-    let passes = passes(scene, &pipelines, dispatches.len(), addresses)?;
+    for (pass, own) in passes.iter_mut().zip(own_bindings) {
+        pass.own_bindings = own;
+    }
     let all: Vec<&Pipeline> = pipelines.iter().map(|(pipeline, _)| pipeline).collect();
     notes.extend(block_sizes::notes(scene, programs(), &all, &dispatches, &passes));
     let mut pipelines = pipelines.into_iter().map(|(pipeline, _)| pipeline);
@@ -189,27 +218,36 @@ fn passes(
     let pass = |pass: &ResolvedPass| {
         let work = match &pass.work {
             ResolvedPassWork::Dispatch(index) => PassWork::Dispatch(*index),
-            ResolvedPassWork::Launch { pipeline, raygen, size, push_constants } => {
+            ResolvedPassWork::Launch { pipeline, raygen, size, push_constants, .. } => {
                 let data = push_constants.as_ref().map(|data| data.encode(addresses)).transpose()?;
                 let (_, records) = &pipelines[pipeline.map_or(0, |index| index + 1)];
                 PassWork::Launch(LaunchPass {
                     pipeline: *pipeline,
                     record: records[*raygen].clone(),
-                    size: *size,
+                    given_size: *size,
                     push_constants: data.as_deref().map(Buffer::new),
                 })
             }
         };
-        Ok(Pass { name: pass.name.clone(), rebindings: pass.rebindings.clone(), work })
+        let (name, rebindings) = (pass.name.clone(), pass.rebindings.clone());
+        let indirect = match &pass.work {
+            ResolvedPassWork::Dispatch(index) => &scene.dispatches[*index].indirect,
+            ResolvedPassWork::Launch { indirect, .. } => indirect,
+        };
+        Ok(Pass { name, own_bindings: Vec::new(), rebindings, indirect: indirect.clone(), work })
     };
     if !scene.passes.is_empty() {
         return scene.passes.iter().map(pass).collect();
     }
-    let unnamed = |work| Pass { name: None, rebindings: Vec::new(), work };
-    let own = LaunchPass { pipeline: None, record: None, size: scene.launch, push_constants: None };
+    let unnamed = |work, indirect| {
+        let (own_bindings, rebindings) = (Vec::new(), Vec::new());
+        Pass { name: None, own_bindings, rebindings, indirect, work }
+    };
+    let own = LaunchPass { pipeline: None, record: None, given_size: scene.launch, push_constants: None };
     let launches = pipelines[0].0.sbt.ray_generation.is_some();
-    let launch = launches.then_some(unnamed(PassWork::Launch(own)));
-    let dispatches = (0..dispatches).map(|index| unnamed(PassWork::Dispatch(index)));
+    let launch = launches.then(|| unnamed(PassWork::Launch(own), None));
+    let dispatches = (0..dispatches)
+        .map(|index| unnamed(PassWork::Dispatch(index), scene.dispatches[index].indirect.clone()));
     Ok(launch.into_iter().chain(dispatches).collect())
 }
 
@@ -393,7 +431,43 @@ fn dispatch<'a>(shaders: &mut Shaders<'a>, one: &'a resolved::ResolvedDispatch) 
     let push_constants =
         one.push_constants.as_ref().map(|data| data.encode(shaders.addresses)).transpose()?;
     let push_constants = push_constants.as_deref().map(Buffer::new);
-    Ok(Dispatch { compute, groups: one.groups, push_constants })
+    Ok(Dispatch { compute, given_groups: one.groups, push_constants })
+}
+
+/// The sizes of dispatches and launches that buffers hold.
+fn indirect_sizes(scene: &ResolvedScene) -> impl Iterator<Item = &IndirectSize> {
+    let launches = scene.passes.iter().filter_map(|pass| match &pass.work {
+        ResolvedPassWork::Launch { indirect, .. } => indirect.as_ref(),
+        ResolvedPassWork::Dispatch(_) => None,
+    });
+    scene.dispatches.iter().filter_map(|dispatch| dispatch.indirect.as_ref()).chain(launches)
+}
+
+/// Checks that the buffer holds a whole size.
+fn check_indirect(scene: &ResolvedScene, indirect: &IndirectSize) -> Result<()> {
+    let (size, place) = match &indirect.source {
+        RebindingSource::Unbound(name) => {
+            let Some(found) = scene.unbound.iter().find(|one| one.name == *name) else { return Ok(()) };
+            (Some(found.data.size()?), &found.place)
+        }
+        RebindingSource::Bound(at) => {
+            let is_it = |one: &&resolved::ResolvedBinding| [one.set, one.binding, one.element] == *at;
+            let Some(found) = scene.resources.iter().find(is_it) else { return Ok(()) };
+            (found.resource.buffer_size()?, &found.place)
+        }
+    };
+    let size = size.unwrap_or(0);
+    if indirect.offset.checked_add(IndirectSize::BYTES).is_some_and(|end| end <= size) {
+        return Ok(());
+    }
+    let message = format!(
+        "a size of 12 bytes at offset {} goes past the end of `{}`, which has {size} bytes",
+        indirect.offset, indirect.buffer
+    );
+    Err(Error::new(ErrorKind::InvalidScene, message)
+        .at(indirect.place.clone())
+        .at_with(place.clone(), format!("{size} bytes"))
+        .note("VUID-vkCmdDispatchIndirect-offset-00407, VUID-vkCmdTraceRaysIndirectKHR-indirectDeviceAddress-03633"))
 }
 
 /// A pipeline, and all its ray generation records.
@@ -648,9 +722,9 @@ mod tests {
         let scene = load_text(Path::new("s.toml"), text, &DiskFiles, &LoadOptions::default()).unwrap();
         let mut assembled = assemble(&scene).unwrap();
         // The product wraps in one dispatch, and the sum of two.
-        assembled.dispatches[0].groups = [u32::MAX; 3];
+        assembled.dispatches[0].given_groups = [u32::MAX; 3];
         assert_eq!(assembled.invocations(), u64::MAX);
-        assembled.dispatches[1].groups = [u32::MAX; 3];
+        assembled.dispatches[1].given_groups = [u32::MAX; 3];
         assert_eq!(assembled.invocations(), u64::MAX);
     }
 

@@ -10,6 +10,7 @@ use crate::program::layout::Layout;
 use crate::program::struct_lookup::{DataBlock, find_block};
 use crate::scene::ResolvedScene;
 use crate::scene::file::MissingDescriptors;
+use crate::scene::own_bindings::OwnBinding;
 use crate::scene::resolved::ResolvedBinding;
 use crate::scene::resources::Resource;
 
@@ -27,7 +28,7 @@ pub(super) fn mismatches<'a>(
         for slot in &program.slots {
             let bound = || {
                 let here = scene.resources.iter();
-                here.filter(|one| Binding { set: one.set, binding: one.binding } == slot.binding)
+                here.filter(|one| one.declared_at() == slot.binding)
             };
             let declared = declared(&program.module, slot.binding);
             let is_compatible = |one: &Resource| declared.iter().any(|kind| is_compatible(*kind, one));
@@ -40,37 +41,49 @@ pub(super) fn mismatches<'a>(
                 continue;
             }
             reported.push(slot.binding);
-            let Binding { set, binding } = slot.binding;
-            let names: Vec<_> = declared.iter().map(|ty| format!("`{}`", ty.name())).collect();
-            let message = format!(
-                "{} `{}` declares `{}` (set {set}, binding {binding}) as {}",
-                program.stage.name(),
-                program.name,
-                slot.name,
-                names.join(" or ")
-            );
-            let rule = match program.workgroup {
-                Some(_) => "VUID-VkComputePipelineCreateInfo-layout-07990",
-                None => "VUID-VkRayTracingPipelineCreateInfoKHR-layout-07990",
-            };
-            errors.push(Error::new(ErrorKind::InvalidScene, message).at(first.place.clone()).note(rule));
+            errors.push(mismatch(program, slot.binding, first));
         }
     }
     errors
 }
 
+/// The error for a resource of a type that a program does not declare at a binding.
+pub(super) fn mismatch(program: &Program, at: Binding, bound: &ResolvedBinding) -> Error {
+    let Binding { set, binding } = at;
+    let declared = declared(&program.module, at);
+    let types: Vec<_> = declared.iter().map(|ty| format!("`{}`", ty.name())).collect();
+    let slot = program.slots.iter().find(|slot| slot.binding == at);
+    let message = format!(
+        "{} `{}` declares `{}` (set {set}, binding {binding}) as {}",
+        program.stage.name(),
+        program.name,
+        slot.map_or("", |slot| slot.name.as_str()),
+        types.join(" or ")
+    );
+    let rule = match program.workgroup {
+        Some(_) => "VUID-VkComputePipelineCreateInfo-layout-07990",
+        None => "VUID-VkRayTracingPipelineCreateInfoKHR-layout-07990",
+    };
+    Error::new(ErrorKind::InvalidScene, message).at(bound.place.clone()).note(rule)
+}
+
 /// Notes on storage buffers that end in a part of an element: the shader's runtime array has only
-/// those elements that fit, without a word.
+/// those elements that fit, without a word. `of_passes` returns the own bindings of each pass that
+/// runs a program.
 pub(super) fn stride_notes<'a>(
     scene: &ResolvedScene,
     programs: impl Iterator<Item = &'a Program>,
+    of_passes: impl Fn(&Program) -> Vec<&'a [OwnBinding]>,
 ) -> Vec<String> {
     let mut notes: Vec<String> = Vec::new();
     for program in programs {
         let module = &*program.module;
+        let own_bindings = of_passes(program);
         for slot in &program.slots {
-            let here =
-                |one: &&ResolvedBinding| Binding { set: one.set, binding: one.binding } == slot.binding;
+            let kept = |own: &&[OwnBinding]| {
+                own.iter().find(|own| own.at == slot.binding).map_or(slot.binding, |own| own.kept)
+            };
+            let here = |one: &&ResolvedBinding| own_bindings.iter().any(|own| kept(own) == one.kept_at());
             let block = find_block(module, DataBlock::Buffer(slot.binding)).ok().flatten();
             let Some((start, stride)) =
                 block.and_then(Layout::runtime_stride).filter(|(_, stride)| *stride > 0)
@@ -97,8 +110,8 @@ pub(super) fn stride_notes<'a>(
                      and {odd} left over, which no index of `{}` reaches",
                     line_of(&bound.place),
                     bound.name,
-                    bound.set,
-                    bound.binding,
+                    bound.declared_at[0],
+                    bound.declared_at[1],
                     size,
                     slot.name,
                 );
@@ -124,7 +137,7 @@ pub(super) fn missing_note<'a>(
     }
     let bound = |at: Binding| {
         let here = scene.resources.iter();
-        let here = here.filter(|one| Binding { set: one.set, binding: one.binding } == at);
+        let here = here.filter(|one| one.declared_at() == at);
         here.map(|one| kind(&one.resource)).collect()
     };
     let missing = missing(programs, bound);
@@ -160,7 +173,7 @@ fn kind(bound: &Resource) -> &'static str {
 }
 
 /// Whether a resource may be bound where a descriptor type is declared.
-fn is_compatible(declared: DescriptorType, bound: &Resource) -> bool {
+pub(super) fn is_compatible(declared: DescriptorType, bound: &Resource) -> bool {
     match bound {
         Resource::StorageBuffer(_) => declared == DescriptorType::StorageBuffer,
         Resource::UniformBuffer(_) => declared == DescriptorType::UniformBuffer,

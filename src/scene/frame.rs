@@ -4,25 +4,25 @@ use std::borrow::Cow;
 use std::sync::Arc;
 
 use crate::error::{Error, ErrorKind, Result};
-use crate::machine::{Binding, Descriptor, Resources};
+use crate::machine::{Binding, Buffer, Descriptor, Resources};
 use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::pipeline::{Launch, Pipeline, Stats};
 use crate::program::Program;
 use crate::scene::assemble::Assembled;
-use crate::scene::pass::{Dispatch, LaunchPass, Pass, PassWork};
+use crate::scene::own_bindings::{OWN_SET, OwnBinding};
+use crate::scene::pass::{Dispatch, LaunchPass, Pass, PassWork, indirect_size};
 use crate::scene::pass_entry::PassKey;
-use crate::scene::resolved::{Rebinding, RebindingSource};
+use crate::scene::resolved::{IndirectSize, Rebinding, RebindingSource};
 
 /// The descriptor that a pass finds. A sampler beside an image is the descriptor's own.
-fn rebound(rebinding: &Rebinding, resources: &Resources) -> Option<Descriptor> {
-    let bound = |[set, binding, element]: [u32; 3]| {
-        resources.descriptors.get(&Binding { set, binding })?.get(element as usize)
-    };
+///
+/// `own` are the resources as the pass finds them without it, `all` those of the scene.
+fn rebound(rebinding: &Rebinding, own: &Resources, all: &Resources) -> Option<Descriptor> {
     let source = match &rebinding.source {
-        RebindingSource::Bound(at) => bound(*at)?.clone(),
-        RebindingSource::Unbound(name) => Descriptor::Buffer(resources.memory.named_buffer(name)?.1.clone()),
+        RebindingSource::Bound(at) => descriptor(all, *at)?.clone(),
+        RebindingSource::Unbound(name) => Descriptor::Buffer(all.memory.named_buffer(name)?.1.clone()),
     };
-    Some(match (bound(rebinding.at), source) {
+    Some(match (descriptor(own, rebinding.at), source) {
         (
             Some(Descriptor::ImageSampler(_, sampler)),
             Descriptor::Image(image) | Descriptor::ImageSampler(image, _),
@@ -30,6 +30,22 @@ fn rebound(rebinding: &Rebinding, resources: &Resources) -> Option<Descriptor> {
         (_, Descriptor::ImageSampler(image, _)) => Descriptor::Image(image),
         (_, other) => other,
     })
+}
+
+/// The three words of a buffer that hold the size of a pass.
+fn size_buffer(indirect: &IndirectSize, resources: &Resources) -> Option<Arc<Buffer>> {
+    let buffer = match &indirect.source {
+        RebindingSource::Bound(at) => match descriptor(resources, *at)? {
+            Descriptor::Buffer(buffer) => buffer,
+            _ => return None,
+        },
+        RebindingSource::Unbound(name) => resources.memory.named_buffer(name)?.1,
+    };
+    buffer.view(indirect.offset, IndirectSize::BYTES, &indirect.buffer)
+}
+
+fn descriptor(resources: &Resources, [set, binding, element]: [u32; 3]) -> Option<&Descriptor> {
+    resources.descriptors.get(&Binding { set, binding })?.get(element as usize)
 }
 
 impl Assembled {
@@ -61,12 +77,20 @@ impl Assembled {
         self.all_pipelines().map(|(_, pipeline)| pipeline.programs.len()).sum::<usize>() + dispatch
     }
 
-    /// Whether it is more than one launch of the pipeline, or a launch that is not its first.
+    /// Whether it is more than one launch of the pipeline, or a launch that is not its first, or
+    /// finds bindings of its own.
     pub fn is_frame(&self) -> bool {
         let plain = |pass: &Pass| {
-            pass.launch().is_none_or(|launch| launch.record.is_none() && launch.pipeline.is_none())
+            let is_first = |launch: &LaunchPass| launch.record.is_none() && launch.pipeline.is_none();
+            pass.launch().is_none_or(is_first) && pass.own_bindings.is_empty()
         };
         !self.passes.iter().all(plain)
+    }
+
+    /// True if the scene runs one launch of its pipeline's first ray generation shader, and nothing
+    /// else; a scene that runs nothing counts, too.
+    pub fn is_single_launch(&self) -> bool {
+        self.passes.len() <= 1 && self.passes.iter().all(|pass| pass.launch().is_some()) && !self.is_frame()
     }
 
     /// The pipeline of a launch, with the record that is launched.
@@ -78,20 +102,31 @@ impl Assembled {
         Cow::Owned(own)
     }
 
-    /// These resources as a pass finds them: with its push constants, and with other contents in
-    /// some descriptors.
+    /// These resources as a pass finds them: with its push constants, with its own bindings, and
+    /// with other contents in some descriptors.
     pub fn pass_resources<'r>(&self, pass: &Pass, resources: &'r Resources) -> Cow<'r, Resources> {
         let push_constants = match &pass.work {
             PassWork::Launch(launch) => &launch.push_constants,
             PassWork::Dispatch(index) => &self.dispatches[*index].push_constants,
         };
-        if push_constants.is_none() && pass.rebindings.is_empty() {
+        let is_kept_apart = |at: &Binding| at.set == OWN_SET;
+        let keeps_others = resources.descriptors.keys().any(is_kept_apart);
+        if push_constants.is_none() && pass.rebindings.is_empty() && pass.indirect.is_none() && !keeps_others
+        {
             return Cow::Borrowed(resources);
         }
         let mut own = resources.clone();
         own.push_constants = push_constants.clone().or(own.push_constants);
+        for OwnBinding { at, kept } in &pass.own_bindings {
+            own.descriptors.insert(*at, resources.descriptors.get(kept).cloned().unwrap_or_default());
+            own.names.extend(resources.names.get(kept).map(|name| (*at, name.clone())));
+        }
+        own.indirect = pass.indirect.as_ref().and_then(|indirect| size_buffer(indirect, resources));
+        if keeps_others {
+            own.descriptors.retain(|at, _| !is_kept_apart(at));
+        }
         for rebinding in &pass.rebindings {
-            if let Some(descriptor) = rebound(rebinding, resources) {
+            if let Some(descriptor) = rebound(rebinding, &own, resources) {
                 let [set, binding, element] = rebinding.at;
                 own.insert(Binding { set, binding }, element, descriptor);
             }
@@ -99,13 +134,43 @@ impl Assembled {
         Cow::Owned(own)
     }
 
+    /// The programs of a pass.
+    pub fn pass_programs(&self, pass: &Pass) -> &[Arc<Program>] {
+        match &pass.work {
+            PassWork::Launch(launch) => &self.pipeline_at(launch.pipeline).programs,
+            PassWork::Dispatch(index) => std::slice::from_ref(&self.dispatches[*index].compute.program),
+        }
+    }
+
+    /// The programs that find the descriptors that are kept at a set and binding, each with where it
+    /// declares them: in the order of the passes, then all others.
+    pub fn readers_of(&self, kept: Binding) -> Vec<(&Arc<Program>, Binding)> {
+        let mut readers: Vec<(&Arc<Program>, Binding)> = Vec::new();
+        let mut ran: Vec<*const Program> = Vec::new();
+        for pass in &self.passes {
+            let own = pass.own_bindings.iter().find(|own| own.kept == kept).map(|own| own.at);
+            let at = own.or(Some(kept).filter(|kept| pass.kept(*kept) == *kept));
+            for program in self.pass_programs(pass) {
+                ran.push(Arc::as_ptr(program));
+                let is_known = |at: &Binding| {
+                    readers.iter().any(|(known, known_at)| Arc::ptr_eq(known, program) && known_at == at)
+                };
+                readers.extend(at.filter(|at| !is_known(at)).map(|at| (program, at)));
+            }
+        }
+        let others = self.programs().filter(|program| !ran.contains(&Arc::as_ptr(program)));
+        readers.extend(others.map(|program| (program, kept)));
+        readers
+    }
+
     /// How many invocations [`Assembled::run`] runs, shaders that they call not counted; of more
-    /// than 2^64 the greatest number.
+    /// than 2^64 the greatest number. A size that a buffer holds counts as 1.
     pub fn invocations(&self) -> u64 {
         let count = |sides: [u32; 3]| sides.iter().fold(1, |all: u64, &side| all.saturating_mul(side.into()));
-        let dispatch = |one: &Dispatch| count(one.groups).saturating_mul(count(one.compute.workgroup_size()));
+        let dispatch =
+            |one: &Dispatch| count(one.given_groups).saturating_mul(count(one.compute.workgroup_size()));
         let pass = |pass: &Pass| match &pass.work {
-            PassWork::Launch(launch) => count(launch.size),
+            PassWork::Launch(launch) => count(launch.given_size),
             PassWork::Dispatch(index) => dispatch(&self.dispatches[*index]),
         };
         self.passes.iter().map(pass).fold(0, u64::saturating_add)
@@ -153,11 +218,11 @@ impl Assembled {
         match &pass.work {
             PassWork::Launch(launch) => {
                 let pipeline = self.pass_pipeline(launch);
-                Launch { pipeline: &pipeline, resources: &resources }.run::<W>(launch.size, done)
+                Launch { pipeline: &pipeline, resources: &resources }.run::<W>(launch.size(&resources), done)
             }
             PassWork::Dispatch(index) => {
                 let dispatch = &self.dispatches[*index];
-                dispatch.compute.run::<W>(&resources, dispatch.groups, done)
+                dispatch.compute.run::<W>(&resources, dispatch.groups(&resources), done)
             }
         }
     }
@@ -188,9 +253,11 @@ impl Assembled {
             Some(at) => (Cow::Borrowed(&self.passes[at]), at),
             None => {
                 let size = self.size;
-                let launch = LaunchPass { pipeline: None, record: None, size, push_constants: None };
+                let launch =
+                    LaunchPass { pipeline: None, record: None, given_size: size, push_constants: None };
                 let work = PassWork::Launch(launch);
-                (Cow::Owned(Pass { name: None, rebindings: Vec::new(), work }), 0)
+                let (own_bindings, rebindings) = (Vec::new(), Vec::new());
+                (Cow::Owned(Pass { name: None, own_bindings, rebindings, indirect: None, work }), 0)
             }
         };
         let Some(launch) = pass.launch() else {
@@ -198,7 +265,7 @@ impl Assembled {
             return Err(Error::new(ErrorKind::InvalidArgument, message)
                 .note("`--invocation X,Y,Z` looks at an invocation of a dispatch"));
         };
-        let (pipeline, index, size) = (self.pass_pipeline(launch), launch.pipeline, launch.size);
+        let (pipeline, index, size) = (self.pass_pipeline(launch), launch.pipeline, launch.given_size);
         Ok(SingleLaunch { assembled: self, number, pass, pipeline, index, size })
     }
 }
@@ -215,11 +282,16 @@ pub struct SingleLaunch<'a> {
     pub pipeline: Cow<'a, Pipeline>,
     /// The pipeline's index among the named ones; `None` for `[pipeline]`.
     pub index: Option<usize>,
-    /// Width, height and depth.
+    /// Width, height and depth, unless a buffer holds them.
     pub size: [u32; 3],
 }
 
 impl SingleLaunch<'_> {
+    /// Width, height and depth, in the resources as the launch finds them.
+    pub fn size_in(&self, resources: &Resources) -> [u32; 3] {
+        indirect_size(resources).unwrap_or(self.size)
+    }
+
     /// These resources as the launch finds them.
     pub fn resources<'r>(&self, resources: &'r Resources) -> Cow<'r, Resources> {
         self.assembled.pass_resources(&self.pass, resources)

@@ -46,6 +46,21 @@ pub fn texel_numbers(format: Format, bytes: &[u8]) -> [f64; 4] {
     format.decode_numbers(u128::from_le_bytes(texel))
 }
 
+/// How the numbers of an image become the 8-bit pixels of a picture.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct PixelEncoding {
+    /// True if linear colours are encoded as sRGB, which is what picture viewers expect; numbers
+    /// are stored unchanged otherwise. Texels that are stored sRGB-encoded are kept.
+    pub to_srgb: bool,
+    /// True if pixels have the image's alpha; they are opaque otherwise.
+    pub keep_alpha: bool,
+}
+
+impl PixelEncoding {
+    /// All numbers unchanged: that of a picture file that is read.
+    pub const STORED: Self = Self { to_srgb: false, keep_alpha: true };
+}
+
 /// A decoded picture file: rows from the top, texels from the left.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Picture {
@@ -65,19 +80,17 @@ impl Picture {
         Self { format: image.format(), extent: [width, height], texels }
     }
 
-    /// The pixels as 8-bit RGBA. With `to_srgb`, linear colours are encoded as sRGB, which is what
-    /// picture viewers expect; without, numbers are stored as they are. Texels that are stored
-    /// sRGB-encoded are kept.
+    /// The pixels as 8-bit RGBA.
     ///
     /// # Errors
     /// `InvalidImage` for integer texels wider than 8 bits or a size that does not match.
-    pub fn rgba8(&self, to_srgb: bool) -> Result<Vec<u8>> {
+    pub fn rgba8(&self, encoding: PixelEncoding) -> Result<Vec<u8>> {
         let size = self.format.texel_size() as usize;
         let count = self.extent[0] as usize * self.extent[1] as usize;
         if self.texels.len() != count * size {
             return Err(invalid(format!("{} bytes are not {count} texels of {size}", self.texels.len())));
         }
-        Ok(PngConversion::new(self.format, to_srgb)?.pixels(&self.texels))
+        Ok(PngConversion::new(self.format, encoding)?.pixels(&self.texels))
     }
 
     /// Four numbers for every texel.
@@ -90,8 +103,8 @@ impl Picture {
     ///
     /// # Errors
     /// As [`Picture::rgba8`].
-    pub fn encode_png(&self, to_srgb: bool) -> Result<Vec<u8>> {
-        Rgba8 { extent: self.extent, pixels: self.rgba8(to_srgb)? }.encode_png()
+    pub fn encode_png(&self, encoding: PixelEncoding) -> Result<Vec<u8>> {
+        Rgba8 { extent: self.extent, pixels: self.rgba8(encoding)? }.encode_png()
     }
 
     /// Writes an OpenEXR file of the numbers, as 32-bit floats.
@@ -166,14 +179,14 @@ impl PictureKind {
 }
 
 /// Writes the first layer and slice of an image's level 0 as what the file's extension says, a PNG
-/// as [`write_png`] does. Numbers of an EXR and bytes of a raw picture are those of the image: only
-/// a PNG is encoded as sRGB.
+/// as [`write_png`] does. Numbers of an EXR and bytes of a raw picture are those of the image: the
+/// encoding is of a PNG alone.
 ///
 /// # Errors
 /// As [`write_png`], [`Picture::encode_exr`], and `Io`.
-pub fn write_picture(path: &Path, image: &machine::image::Image, to_srgb: bool) -> Result<()> {
+pub fn write_picture(path: &Path, image: &machine::image::Image, encoding: PixelEncoding) -> Result<()> {
     match PictureKind::of(path).unwrap_or(PictureKind::Png) {
-        PictureKind::Png => write_png(path, image, to_srgb),
+        PictureKind::Png => write_png(path, image, encoding),
         PictureKind::Exr => atomic_file::write(path, Picture::of(image).encode_exr()?),
         PictureKind::Raw => atomic_file::write(path, Picture::of(image).texels),
     }
@@ -184,9 +197,9 @@ pub fn write_picture(path: &Path, image: &machine::image::Image, to_srgb: bool) 
 ///
 /// # Errors
 /// As [`Picture::rgba8`], and `Io`.
-pub fn write_png(path: &Path, image: &machine::image::Image, to_srgb: bool) -> Result<()> {
+pub fn write_png(path: &Path, image: &machine::image::Image, encoding: PixelEncoding) -> Result<()> {
     let [width, height, _] = image.shape().extent;
-    stream_png(path, [width, height], image.format(), to_srgb, |png| {
+    stream_png(path, [width, height], image.format(), encoding, |png| {
         png.rows(0..height, |row| Ok(image.row_bytes(row)))
     })
 }
@@ -201,11 +214,11 @@ pub fn stream_png<T>(
     path: &Path,
     size: [u32; 2],
     format: Format,
-    to_srgb: bool,
+    encoding: PixelEncoding,
     fill: impl FnOnce(&mut PngRows<'_>) -> Result<T>,
 ) -> Result<T> {
     let io = |error| Error::io(path, error);
-    let conversion = PngConversion::new(format, to_srgb)?;
+    let conversion = PngConversion::new(format, encoding)?;
     let mut file = AtomicFile::create(path)?;
     let mut buffered = BufWriter::new(&mut file);
     let filled = png(size, &mut buffered, &io, |to| fill(&mut PngRows { path, conversion, to }))
@@ -280,16 +293,19 @@ fn png<T>(
 struct PngConversion {
     format: Format,
     target: Format,
+    /// True if every pixel is opaque: it is asked for, or the format has no alpha.
+    is_opaque: bool,
 }
 
 impl PngConversion {
-    fn new(format: Format, to_srgb: bool) -> Result<Self> {
+    fn new(format: Format, encoding: PixelEncoding) -> Result<Self> {
         if format.class() != Class::Float && format.component != Component::Uint8 {
             return Err(invalid(format!("a PNG shows colours, not {} texels", format_name(format))));
         }
         Ok(Self {
             format,
-            target: Format { srgb: to_srgb || format.srgb, ..Format::new(Component::Unorm8, 4) },
+            target: Format { srgb: encoding.to_srgb || format.srgb, ..Format::new(Component::Unorm8, 4) },
+            is_opaque: !encoding.keep_alpha || format.channels < 4,
         })
     }
 
@@ -298,15 +314,20 @@ impl PngConversion {
         let mut pixels = Vec::with_capacity(texels.len() / size * 4);
         for texel in texels.chunks_exact(size) {
             let mut color = texel_numbers(self.format, texel);
-            if self.format.component == Component::Uint8 {
-                pixels.extend(color.map(|x| x as u8));
-                continue;
+            let mut pixel = if self.format.component == Component::Uint8 {
+                color.map(|x| x as u8)
+            } else {
+                // NaN is shown in magenta, because black would hide it.
+                if color.iter().any(|x| x.is_nan()) {
+                    color = [1.0, 0.0, 1.0, 1.0];
+                }
+                let [red, green, blue, alpha, ..] = self.target.encode_numbers(color).to_le_bytes();
+                [red, green, blue, alpha]
+            };
+            if self.is_opaque {
+                pixel[3] = u8::MAX;
             }
-            // NaN is shown in magenta, because black would hide it.
-            if color.iter().any(|x| x.is_nan()) {
-                color = [1.0, 0.0, 1.0, 1.0];
-            }
-            pixels.extend_from_slice(&self.target.encode_numbers(color).to_le_bytes()[..4]);
+            pixels.extend(pixel);
         }
         pixels
     }
@@ -380,13 +401,44 @@ mod tests {
         let texels: Vec<u8> =
             [0.0_f32, 1.0, 0.5, 1.0, f32::NAN, 0.0, 0.0, 1.0].iter().flat_map(|x| x.to_le_bytes()).collect();
         let picture = Picture { format: format("rgba32f"), extent: [1, 2], texels };
-        let plain = Picture::decode(Path::new("b.png"), &picture.encode_png(false).unwrap(), None).unwrap();
+        let plain =
+            Picture::decode(Path::new("b.png"), &picture.encode_png(PixelEncoding::STORED).unwrap(), None)
+                .unwrap();
         assert_eq!(plain.texels, [0, 255, 128, 255, 255, 0, 255, 255]);
         // 1.055 * 0.5^(1/2.4) - 0.055 = 0.735357, times 255 = 187.5 (187.516): 188.
-        let srgb = Picture::decode(Path::new("b.png"), &picture.encode_png(true).unwrap(), None).unwrap();
+        let srgb = Picture::decode(
+            Path::new("b.png"),
+            &picture.encode_png(PixelEncoding { to_srgb: true, keep_alpha: false }).unwrap(),
+            None,
+        )
+        .unwrap();
         assert_eq!(srgb.texels[..4], [0, 255, 188, 255]);
         let wrong = Picture { extent: [2, 2], ..picture };
-        assert!(wrong.encode_png(false).is_err());
+        assert!(wrong.encode_png(PixelEncoding::default()).is_err());
+    }
+
+    #[test]
+    fn pixels_are_opaque_unless_their_alpha_is_kept() {
+        let kept = PixelEncoding { keep_alpha: true, ..PixelEncoding::default() };
+        let pixels = |name: &str, texels: &[u8], encoding| {
+            Picture { format: format(name), extent: [1, 1], texels: texels.to_vec() }.rgba8(encoding).unwrap()
+        };
+        for (name, texel, alpha) in [
+            ("rgba8", &[10, 20, 30, 40][..], 40),
+            ("rgba8_srgb", &[10, 20, 30, 40], 40),
+            ("rgba8ui", &[10, 20, 30, 40], 40),
+            // A quarter in 16 bits is 63.75 in 8.
+            ("rgba16f", &[0, 0, 0, 0, 0, 0, 0, 0x34], 64),
+            ("rgb10_a2", &[0, 0, 0, 0x40], 85),
+            // Formats without alpha are opaque.
+            ("r8", &[10], 255),
+            ("r8ui", &[10], 255),
+            ("r11f_g11f_b10f", &[0, 0, 0, 0], 255),
+        ] {
+            assert_eq!(pixels(name, texel, kept)[3], alpha, "{name}");
+            assert_eq!(pixels(name, texel, PixelEncoding::default())[3], 255, "{name}");
+            assert_eq!(pixels(name, texel, kept)[..3], pixels(name, texel, PixelEncoding::default())[..3]);
+        }
     }
 
     #[test]
@@ -395,13 +447,14 @@ mod tests {
         let texels: Vec<u8> = (0..24).map(|number| number * 10).collect();
         let image = machine::image::Image::new(format("rgba8"), shape, &texels).unwrap();
         let path = std::env::temp_dir().join(format!("anyhit-rows-{}.png", std::process::id()));
-        write_png(&path, &image, false).unwrap();
+        write_png(&path, &image, PixelEncoding::STORED).unwrap();
         let written = std::fs::read(&path).unwrap();
         std::fs::remove_file(&path).unwrap();
         let back = Picture::decode(&path, &written, Some(format("rgba8"))).unwrap();
         assert_eq!((back.extent, back.texels), ([3, 2], texels));
-        assert_eq!(written, Picture::of(&image).encode_png(false).unwrap());
-        let error = write_png(Path::new("no/such/folder/a.png"), &image, false).unwrap_err();
+        assert_eq!(written, Picture::of(&image).encode_png(PixelEncoding::STORED).unwrap());
+        let error =
+            write_png(Path::new("no/such/folder/a.png"), &image, PixelEncoding::default()).unwrap_err();
         assert_eq!(error.kind(), ErrorKind::Io);
     }
 

@@ -368,7 +368,8 @@ mod tests {
 
     fn load(keys: &str, limits: InputLimits) -> Result<(), Error> {
         let format = Format { srgb: false, ..Format::RGBA8_SRGB };
-        let picture = Picture { format, extent: [2, 2], texels: vec![0; 16] }.encode_png(false)?;
+        let picture = Picture { format, extent: [2, 2], texels: vec![0; 16] }
+            .encode_png(crate::scene::image::PixelEncoding::STORED)?;
         let files = [("a.png", picture.as_slice())];
         let text = format!("version = 1\nlaunch = [40000, 1]\n[resources.a]\nbinding = 0\n{keys}\n");
         let files = LimitedFiles(EmbeddedFiles(&files), limits);

@@ -12,8 +12,8 @@ use crate::scene::instance_entry::InstanceEntry;
 use crate::scene::mesh::material::{Texture, TextureSlot};
 use crate::scene::mesh::model::{Model, Part};
 use crate::scene::mesh_piece::tables::{
-    Column, ColumnKind, GeometryColumn, InstanceColumn, MaterialColumn, NOTHING, geometry, instance,
-    material, places,
+    Column, ColumnKind, GeometryColumn, InstanceColumn, MaterialColumn, NOTHING, WithMaterial, geometry,
+    instance, material, places,
 };
 use crate::scene::open_models::MeshSelection;
 use crate::scene::read::{Named, OneOrMore, Parse, Span, Spanned, Table, TomlValue, unknown_name};
@@ -41,9 +41,9 @@ enum MeshContent {
     /// Three indices a triangle, of two bytes each or of four.
     Indices { is_short: bool },
     /// A row of each instance of an acceleration structure that has one of the geometries.
-    Instances { columns: Vec<Column<InstanceColumn>>, tlas: String },
+    Instances { columns: Vec<Column<WithMaterial<InstanceColumn>>>, tlas: String },
     /// A row of each geometry.
-    Geometries(Vec<Column<GeometryColumn>>),
+    Geometries(Vec<Column<WithMaterial<GeometryColumn>>>),
     /// A row of each material of the file.
     Materials(Vec<Column<MaterialColumn>>),
     /// A row of each geometry: its own material's.
@@ -285,11 +285,11 @@ impl MeshPiece {
         let content = match (attributes, name, material) {
             (Some(attributes), None, None) => vertices(table, attributes.0)?,
             (None, Some(TableName::Instances), None) => MeshContent::Instances {
-                columns: columns(table, InstanceColumn::DEFAULT),
+                columns: columns(table, &of_rows(InstanceColumn::DEFAULT)),
                 tlas: table.or("tlas", "main".to_string()),
             },
             (None, Some(TableName::Geometries), None) => {
-                MeshContent::Geometries(columns(table, GeometryColumn::DEFAULT))
+                MeshContent::Geometries(columns(table, &of_rows(GeometryColumn::DEFAULT)))
             }
             (None, Some(TableName::Materials), None) => {
                 MeshContent::Materials(columns(table, MaterialColumn::DEFAULT))
@@ -379,8 +379,11 @@ impl MeshPiece {
         let selection = self.selection(meshes)?;
         if let MeshContent::Instances { columns, tlas } = &self.content {
             let places = places(meshes);
-            for entry in instances(meshes, selection, tlas) {
-                rows.push_columns(columns, |column, bytes| instance(entry, column, &places, bytes));
+            check_rows(columns, instances(meshes, selection, tlas).count())?;
+            for (row, entry) in instances(meshes, selection, tlas).enumerate() {
+                rows.push_columns(span, columns, row, |column, bytes| {
+                    instance(entry, column, &places, bytes);
+                })?;
             }
             return Ok(rows.addresses);
         }
@@ -417,21 +420,27 @@ impl MeshPiece {
                 }
             }
             MeshContent::Geometries(columns) => {
+                check_rows(columns, parts.len())?;
                 let mut at = [0; 2];
-                for part in parts.iter().map(|part| &model.parts[*part]) {
-                    rows.push_columns(columns, |column, bytes| geometry(part, column, at, bytes));
+                for (row, part) in parts.iter().map(|part| &model.parts[*part]).enumerate() {
+                    let look = &model.materials[part.material];
+                    rows.push_columns(span, columns, row, |column, bytes| {
+                        geometry(part, look, column, at, bytes);
+                    })?;
                     at = [at[0] + part.vertices, at[1] + part.triangles];
                 }
             }
             MeshContent::Materials(columns) => {
-                for one in &model.materials {
-                    rows.push_columns(columns, |column, bytes| material(one, column, bytes));
+                check_rows(columns, model.materials.len())?;
+                for (row, one) in model.materials.iter().enumerate() {
+                    rows.push_columns(span, columns, row, |column, bytes| material(one, column, bytes))?;
                 }
             }
             MeshContent::OwnMaterials(columns) => {
-                for part in parts {
+                check_rows(columns, parts.len())?;
+                for (row, part) in parts.iter().enumerate() {
                     let one = &model.materials[model.parts[*part].material];
-                    rows.push_columns(columns, |column, bytes| material(one, column, bytes));
+                    rows.push_columns(span, columns, row, |column, bytes| material(one, column, bytes))?;
                 }
             }
             MeshContent::Instances { .. } => {}
@@ -445,6 +454,24 @@ fn columns<K: ColumnKind>(table: &Table<'_>, default: &[K]) -> Vec<Column<K>> {
         Some(columns) => columns.0,
         None => default.iter().map(|kind| Column::Own(*kind)).collect(),
     }
+}
+
+/// Columns that rows have, not their materials.
+fn of_rows<K: Copy>(columns: &[K]) -> Vec<WithMaterial<K>> {
+    columns.iter().map(|column| WithMaterial::Row(*column)).collect()
+}
+
+/// Checks that a table has as many rows as the scene gives numbers for.
+fn check_rows<K>(columns: &[Column<K>], count: usize) -> Result<()> {
+    for column in columns {
+        if let Column::Given { rows, span } = column
+            && rows.len() != count
+        {
+            let message = format!("the column has {} rows, and the table {count}", rows.len());
+            return Err(span.error(message).note("a number that is no list is for every row: `{ u32 = 7 }`"));
+        }
+    }
+    Ok(())
 }
 
 /// The bytes of a row.
@@ -506,17 +533,42 @@ struct Rows<'b> {
 }
 
 impl Rows<'_> {
-    /// Appends a row of columns, given how one is written.
-    fn push_columns<K: ColumnKind>(&mut self, columns: &[Column<K>], write: impl Fn(K, &mut Vec<u8>)) {
+    /// Appends a row of columns, by its number and how one is written.
+    ///
+    /// # Errors
+    /// `InvalidScene` for a number that does not fit into its column.
+    fn push_columns<K: ColumnKind>(
+        &mut self,
+        span: &Span,
+        columns: &[Column<K>],
+        row: usize,
+        write: impl Fn(K, &mut Vec<u8>),
+    ) -> Result<()> {
         let mut found = std::mem::take(&mut self.addresses);
+        let mut too_large = None;
         self.push(|bytes| {
+            // A number that the row has, which is not kept.
+            let number = |kind: K, bytes: &mut Vec<u8>| {
+                let at = bytes.len();
+                write(kind, bytes);
+                bytes.split_off(at).try_into().map_or(NOTHING, u32::from_le_bytes)
+            };
             for column in columns {
                 match column {
                     Column::Own(kind) => write(*kind, bytes),
+                    Column::Constant(constant) => bytes.extend(constant),
+                    Column::Given { rows, .. } => bytes.extend(&rows[row]),
+                    Column::Narrow { kind, width } => {
+                        let number = number(*kind, bytes);
+                        let fitting = width.encode(number);
+                        if fitting.is_none() {
+                            too_large = Some(number);
+                        }
+                        bytes.extend(fitting.unwrap_or_else(|| vec![0; column.size() as usize]));
+                    }
                     Column::Address { of, stride, by } => {
                         let at = bytes.len();
-                        write(*by, bytes);
-                        let number = bytes.split_off(at).try_into().map_or(NOTHING, u32::from_le_bytes);
+                        let number = number(*by, bytes);
                         // What is not there has the null address.
                         if number != NOTHING {
                             let mut of = of.clone();
@@ -529,6 +581,12 @@ impl Rows<'_> {
             }
         });
         self.addresses = found;
+        match too_large {
+            None => Ok(()),
+            Some(number) => {
+                Err(span.error(format!("row {row} has the number {number}, too large for its column")))
+            }
+        }
     }
 
     fn push(&mut self, write: impl FnOnce(&mut Vec<u8>)) {

@@ -71,7 +71,8 @@ fn room_bytes() -> Vec<u8> {
 fn try_scene(text: &str) -> Result<ResolvedScene> {
     let room = room_bytes();
     let format = Format { srgb: false, ..Format::RGBA8_SRGB };
-    let tile = Picture { format, extent: [1, 1], texels: vec![255, 128, 0, 255] }.encode_png(false)?;
+    let tile = Picture { format, extent: [1, 1], texels: vec![255, 128, 0, 255] }
+        .encode_png(crate::scene::image::PixelEncoding::STORED)?;
     let files = [
         ("room.gltf", ROOM.as_bytes()),
         ("room.bin", &room[..]),

@@ -351,7 +351,7 @@ fn buffers_images_and_sizes() {
         &["a cube needs six square layers"],
     );
     one_mistake(
-        &format!("{image}[resources.j]\ntype = 'sampler'\nbinding = 0\n"),
+        &format!("{image}[resources.j]\ntype = 'storage_image'\nbinding = 0\n"),
         "s/a.toml:5:12",
         &["two resources at set 0, binding 0", "the other one"],
     );

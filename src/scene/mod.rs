@@ -61,6 +61,7 @@ mod mesh_tests;
 mod mistakes;
 mod motion;
 pub mod open_models;
+pub mod own_bindings;
 mod read_file;
 #[cfg(test)]
 mod reference_tests;

@@ -2,17 +2,22 @@
 
 use std::sync::Arc;
 
-use crate::machine::Buffer;
+use crate::machine::{Binding, Buffer, Resources};
 use crate::pipeline::{Compute, SbtRecord};
-use crate::scene::resolved::Rebinding;
+use crate::scene::own_bindings::OwnBinding;
+use crate::scene::resolved::{IndirectSize, Rebinding};
 
 /// One pass of a frame.
 #[derive(Clone, Debug)]
 pub struct Pass {
     /// Its name, if it has one.
     pub name: Option<String>,
+    /// What it finds at sets and bindings that several resources share.
+    pub own_bindings: Vec<OwnBinding>,
     /// What it finds instead of what is bound.
     pub rebindings: Vec<Rebinding>,
+    /// Where its size is read, if a buffer holds it.
+    pub indirect: Option<IndirectSize>,
     /// What it runs.
     pub work: PassWork,
 }
@@ -34,8 +39,8 @@ pub struct LaunchPass {
     pub pipeline: Option<usize>,
     /// The record of the ray generation shader; `None` for that of the pipeline.
     pub record: Option<SbtRecord>,
-    /// Width, height and depth.
-    pub size: [u32; 3],
+    /// Width, height and depth, unless a buffer holds them.
+    pub given_size: [u32; 3],
     /// Push constants of its own, in place of the scene's.
     pub push_constants: Option<Arc<Buffer>>,
 }
@@ -45,13 +50,38 @@ pub struct LaunchPass {
 pub struct Dispatch {
     /// The shader.
     pub compute: Compute,
-    /// The number of workgroups along x, y and z.
-    pub groups: [u32; 3],
+    /// The number of workgroups along x, y and z, unless a buffer holds them.
+    pub given_groups: [u32; 3],
     /// Push constants of its own, in place of the scene's.
     pub push_constants: Option<Arc<Buffer>>,
 }
 
+impl LaunchPass {
+    /// Width, height and depth, in the resources as the pass finds them.
+    pub fn size(&self, resources: &Resources) -> [u32; 3] {
+        indirect_size(resources).unwrap_or(self.given_size)
+    }
+}
+
+impl Dispatch {
+    /// The number of workgroups along x, y and z, in the resources as the pass finds them.
+    pub fn groups(&self, resources: &Resources) -> [u32; 3] {
+        indirect_size(resources).unwrap_or(self.given_groups)
+    }
+}
+
+/// The size that a buffer holds now.
+pub fn indirect_size(resources: &Resources) -> Option<[u32; 3]> {
+    let buffer = resources.indirect.as_ref()?;
+    Some([0, 4, 8].map(|offset| buffer.load(offset, 32).unwrap_or(0)))
+}
+
 impl Pass {
+    /// Where the descriptors are kept that it finds at a set and binding.
+    pub fn kept(&self, at: Binding) -> Binding {
+        self.own_bindings.iter().find(|own| own.at == at).map_or(at, |own| own.kept)
+    }
+
     /// The launch, where it is one.
     pub fn launch(&self) -> Option<&LaunchPass> {
         match &self.work {

@@ -9,7 +9,11 @@ use crate::scene::tree::Toml;
 
 /// Reads the size of a launch, which is 1 to 2^30 invocations.
 pub(super) fn launch(table: &Table<'_>) -> Option<Spanned<[u32; 3]>> {
-    let value = table.value("launch")?;
+    table.value("launch").and_then(launch_size)
+}
+
+/// Reads the size of a launch from its value.
+fn launch_size(value: TomlValue<'_>) -> Option<Spanned<[u32; 3]>> {
     let Spanned { value: size, span } = sides(value)?;
     // maxRayDispatchInvocationCount is at least 2^30, and no device offers more.
     let count = size.iter().fold(1_u128, |count, side| count * u128::from(*side));
@@ -30,13 +34,45 @@ fn sides(value: TomlValue<'_>) -> Option<Spanned<[u32; 3]>> {
     Some(Spanned { value: size, span })
 }
 
+/// The size of a dispatch or launch.
+#[derive(Clone, Debug)]
+pub enum SizeEntry {
+    /// Its numbers.
+    Given([u32; 3]),
+    /// Three words in a buffer.
+    InBuffer {
+        /// The buffer's name.
+        buffer: Spanned<String>,
+        /// Bytes from its beginning.
+        offset: Option<Spanned<u64>>,
+    },
+}
+
+impl SizeEntry {
+    /// Reads the size at a key: numbers, which `given` reads, or where a buffer holds them.
+    fn read(
+        table: &Table<'_>,
+        key: &'static str,
+        given: impl FnOnce(TomlValue<'_>) -> Option<[u32; 3]>,
+    ) -> Option<Option<Self>> {
+        let Some(value) = table.value(key) else { return Some(None) };
+        if !matches!(value.toml(), Toml::Table(_)) {
+            return given(value).map(|size| Some(Self::Given(size)));
+        }
+        let table = Table::new(value)?;
+        let (buffer, offset) = (table.required("buffer"), table.optional("offset"));
+        table.finish();
+        Some(Some(Self::InBuffer { buffer: buffer?, offset }))
+    }
+}
+
 /// A dispatch of a compute shader.
 #[derive(Clone, Debug)]
 pub struct DispatchEntry {
     /// The shader.
     pub shader: Spanned<String>,
     /// The number of workgroups along x, y and z.
-    pub groups: [u32; 3],
+    pub groups: SizeEntry,
     /// Push constants of its own, in place of the scene's.
     pub push_constants: Option<DataPieces>,
 }
@@ -45,9 +81,12 @@ impl DispatchEntry {
     /// Reads its keys from a table that may have more; missing ones are told when it is finished.
     fn read(table: &Table<'_>) -> impl FnOnce() -> Option<Self> + use<> {
         let shader = table.required("shader");
-        let groups = table.value("groups").map_or(Some([1; 3]), |value| Some(sides(value)?.value));
+        let groups = SizeEntry::read(table, "groups", |value| Some(sides(value)?.value));
         let push_constants = table.optional("push_constants");
-        move || Some(Self { shader: shader?, groups: groups?, push_constants })
+        move || {
+            let groups = groups?.unwrap_or(SizeEntry::Given([1; 3]));
+            Some(Self { shader: shader?, groups, push_constants })
+        }
     }
 }
 
@@ -84,7 +123,7 @@ pub enum PassWorkEntry {
         /// is none.
         raygen: Option<Spanned<String>>,
         /// The size of the launch; the scene's where there is none.
-        size: Option<[u32; 3]>,
+        size: Option<SizeEntry>,
         /// Push constants of its own, in place of the scene's.
         push_constants: Option<DataPieces>,
     },
@@ -95,8 +134,9 @@ pub enum PassWorkEntry {
 impl Parse for PassEntry {
     fn parse(value: TomlValue<'_>) -> Option<Self> {
         let table = Table::new(value)?;
-        let launches = table.has("raygen") || table.has("pipeline");
-        if launches == table.has("shader") {
+        let launches = !table.has("shader");
+        let of_a_launch = table.has("raygen") || table.has("pipeline");
+        if of_a_launch && !launches || launches && table.has("groups") {
             return value.wrong(
                 "a pass is a launch from a `raygen` of a `pipeline`, or a dispatch of a compute `shader`",
             );
@@ -111,10 +151,10 @@ impl Parse for PassEntry {
             }
             true => {
                 let (pipeline, raygen) = (table.optional("pipeline"), table.optional("raygen"));
-                let size = launch(&table);
+                let size = SizeEntry::read(&table, "launch", |value| Some(launch_size(value)?.value));
                 let push_constants = table.optional("push_constants");
                 table.finish();
-                PassWorkEntry::Launch { pipeline, raygen, size: size.map(|size| size.value), push_constants }
+                PassWorkEntry::Launch { pipeline, raygen, size: size?, push_constants }
             }
         };
         Some(Self { span: value.span(), name, resources: resources?, work })

@@ -29,6 +29,7 @@ use crate::scene::open_models::{MeshSelection, OpenModels};
 use crate::scene::pass_entry::{DispatchEntry, PassEntry};
 use crate::scene::read::{Diagnostics, Document, Spanned, unknown_name};
 use crate::scene::read_file::read_limited;
+use crate::scene::resolve::kept_places::KeptPlace;
 use crate::scene::resolve::modules::{ModuleKey, SceneModules};
 use crate::scene::resolve::variants::chosen_variant;
 use crate::scene::resolved::{ResolvedGroup, ResolvedScene, ShaderModule};
@@ -36,6 +37,7 @@ use crate::scene::resources::ResourceEntry;
 use crate::sorted::SortedSet;
 
 mod bindings;
+mod kept_places;
 mod modules;
 mod passes;
 mod structures;
@@ -166,6 +168,8 @@ struct Resolver<'a> {
     shader_entries: ByName<ShaderEntry>,
     samplers: ByName<Sampler>,
     resource_entries: ByName<ResourceEntry>,
+    /// Where resources are kept that are bound somewhere, by their names.
+    kept_places: HashMap<String, KeptPlace>,
     device: Option<DeviceProfile>,
     pipeline: Option<PipelineEntry>,
     pipelines: ByName<NamedPipelineEntry>,
@@ -207,6 +211,7 @@ impl<'a> Resolver<'a> {
             shader_entries: ByName::default(),
             samplers: ByName::default(),
             resource_entries: ByName::default(),
+            kept_places: HashMap::new(),
             device: None,
             pipeline: None,
             pipelines: ByName::default(),
@@ -273,6 +278,7 @@ impl<'a> Resolver<'a> {
             return None;
         }
         self.expand_models();
+        self.allot_places();
         let readers = self.push_constant_readers();
         let tlas = self.structures();
         let (pipeline, pipelines) = self.all_pipelines();
@@ -431,12 +437,20 @@ mod tests {
         let text = "version = 1\nlaunch = [3, 2]\n[shaders.all]\npath = 'all.spv'\n\
             [pipeline]\nraygen = ['all:first', { name = 'second', shader = 'all:other' }]\n\
             [[pass]]\nraygen = 'second'\nlaunch = 5\n[[pass]]\nshader = 'all:sum'\ngroups = 4\n\
-            [[pass]]\nraygen = 'all:first'\n";
+            [[pass]]\nraygen = 'all:first'\n[[pass]]\nname = 'the first record'\n";
         let scene = scene(text, &LoadOptions::default());
-        let launch =
-            |raygen, size| ResolvedPassWork::Launch { pipeline: None, raygen, size, push_constants: None };
+        let launch = |raygen, size| ResolvedPassWork::Launch {
+            pipeline: None,
+            raygen,
+            size,
+            indirect: None,
+            push_constants: None,
+        };
         let work: Vec<_> = scene.passes.iter().map(|pass| pass.work.clone()).collect();
-        assert_eq!(work, [launch(1, [5, 1, 1]), ResolvedPassWork::Dispatch(0), launch(0, [3, 2, 1])]);
+        assert_eq!(
+            work,
+            [launch(1, [5, 1, 1]), ResolvedPassWork::Dispatch(0), launch(0, [3, 2, 1]), launch(0, [3, 2, 1])]
+        );
         assert_eq!((scene.dispatches.len(), scene.dispatches[0].groups), (1, [4, 1, 1]));
     }
 
@@ -444,7 +458,7 @@ mod tests {
     fn a_pass_says_what_is_wrong_with_it() {
         let head = "version = 1\n[shaders.all]\npath = 'all.spv'\n[pipeline]\nraygen = 'all:first'\n";
         for (more, told) in [
-            ("[[pass]]\nlaunch = 1\n", "a pass is a launch from a `raygen` of a `pipeline`, or a dispatch"),
+            ("[[pass]]\ngroups = 1\n", "a pass is a launch from a `raygen` of a `pipeline`, or a dispatch"),
             ("[[pass]]\nraygen = 'all:fist'\n", "the pipeline has no `raygen` of the name `all:fist`"),
             ("[[pass]]\nraygen = 'x'\n", "there are: all:first"),
             (
@@ -597,7 +611,9 @@ mod tests {
         let pixel = |color: [u8; 4]| {
             let texels = color.to_vec();
             let format = Format { srgb: false, ..Format::RGBA8_SRGB };
-            crate::scene::image::Picture { format, extent: [1, 1], texels }.encode_png(false).unwrap()
+            crate::scene::image::Picture { format, extent: [1, 1], texels }
+                .encode_png(crate::scene::image::PixelEncoding::STORED)
+                .unwrap()
         };
         let text = "version = 1\n[samplers.sharp]\nfilter = 'nearest'\nmin_filter = 'linear'\n[resources.a]\n\
                     type = 'combined_image_sampler'\nbinding = 0\ndimension = '2d_array'\nfile = ['r.png', 'g.png']\n\

@@ -7,13 +7,14 @@ use std::sync::Arc;
 use crate::accel::Tlas;
 use crate::compile::SourceSettings;
 use crate::error::Place;
-use crate::machine::{LaunchLimits, MemoryPolicy, PrintedBytes};
+use crate::machine::{Binding, LaunchLimits, MemoryPolicy, PrintedBytes};
 use crate::module::Module;
 use crate::pipeline::{DeviceProfile, PipelineFlags};
 use crate::scene::address_entry::{AddressChoice, AddressOf};
 use crate::scene::encoding::Data;
 use crate::scene::file::{MissingDescriptors, RayEntry};
 use crate::scene::files::SceneFiles;
+use crate::scene::image::PixelEncoding;
 use crate::scene::read::Document;
 use crate::scene::resources::{Output, Resource};
 use crate::scene::specialization::{SpecializationKey, SpecializationValue};
@@ -144,8 +145,10 @@ impl PartialEq for ResolvedShader {
 pub struct ResolvedDispatch {
     /// The shader.
     pub shader: ResolvedShader,
-    /// The number of workgroups along x, y and z.
+    /// The number of workgroups along x, y and z, unless a buffer holds them.
     pub groups: [u32; 3],
+    /// Where they are read, if a buffer holds them.
+    pub indirect: Option<IndirectSize>,
     /// The bytes of its own push constants; `None` for the scene's.
     pub push_constants: Option<Data>,
 }
@@ -170,8 +173,10 @@ pub enum ResolvedPassWork {
         pipeline: Option<usize>,
         /// Index of the ray generation record.
         raygen: usize,
-        /// Width, height and depth.
+        /// Width, height and depth, unless a buffer holds them.
         size: [u32; 3],
+        /// Where they are read, if a buffer holds them.
+        indirect: Option<IndirectSize>,
         /// Its own push constants; `None` for the scene's.
         push_constants: Option<Data>,
     },
@@ -186,6 +191,25 @@ pub struct Rebinding {
     pub at: [u32; 3],
     /// Where its buffer, image or acceleration structure is bound for the others.
     pub source: RebindingSource,
+}
+
+/// The size of a dispatch or launch in a buffer: three words, which are read when the pass runs
+/// (`vkCmdDispatchIndirect`, `vkCmdTraceRaysIndirectKHR`).
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct IndirectSize {
+    /// The name of the buffer.
+    pub buffer: String,
+    /// Where the buffer is.
+    pub source: RebindingSource,
+    /// Bytes from the beginning of the buffer: a multiple of 4.
+    pub offset: u64,
+    /// Where the scene says it.
+    pub place: Place,
+}
+
+impl IndirectSize {
+    /// `sizeof(VkDispatchIndirectCommand)`, which is that of `VkTraceRaysIndirectCommandKHR`.
+    pub const BYTES: u64 = 12;
 }
 
 /// Whose content a [`Rebinding`] puts into a descriptor.
@@ -263,10 +287,15 @@ pub struct ShaderBindingTable {
 pub struct ResolvedBinding {
     /// The scene's name for it.
     pub name: String,
-    /// The descriptor set.
+    /// The descriptor set that it is kept in: its own, or
+    /// [`OWN_SET`](crate::scene::own_bindings::OWN_SET).
     pub set: u32,
-    /// The binding number in the set.
+    /// The binding number in the set that it is kept in.
     pub binding: u32,
+    /// The set and binding at which shaders declare it.
+    pub declared_at: [u32; 2],
+    /// The numbers of the passes that it is for; `None` for all that no other is for.
+    pub passes: Option<Vec<usize>>,
     /// Element of an array of descriptors.
     pub element: u32,
     /// Its content.
@@ -275,11 +304,24 @@ pub struct ResolvedBinding {
     pub address: AddressChoice,
     /// Marks the image that a render saves, and how.
     pub output: Option<Output>,
+    /// True if a PNG of the image has its alpha.
+    pub keeps_alpha: bool,
     /// Where the scene describes it.
     pub place: Place,
 }
 
 impl ResolvedBinding {
+    /// Where its descriptor is kept.
+    pub fn kept_at(&self) -> Binding {
+        Binding { set: self.set, binding: self.binding }
+    }
+
+    /// Where shaders declare it.
+    pub fn declared_at(&self) -> Binding {
+        let [set, binding] = self.declared_at;
+        Binding { set, binding }
+    }
+
     /// Whether the image here is that of another binding.
     pub fn is_same_image(&self, other: &Self) -> bool {
         self.resource.image().zip(other.resource.image()).is_some_and(|(own, other)| Arc::ptr_eq(own, other))
@@ -377,6 +419,16 @@ impl ResolvedScene {
         let mut marked = images().filter(|binding| binding.output.is_some());
         let only = |first: &&ResolvedBinding| images().all(|other| other.is_same_image(first));
         marked.next().or_else(|| images().next().filter(only))
+    }
+
+    /// The encoding of a picture of the image at a binding: that of the image, whichever of its
+    /// bindings says it.
+    pub fn encoding_of(&self, image: &ResolvedBinding) -> PixelEncoding {
+        let all = || std::iter::once(image).chain(self.bindings_of_image(image));
+        PixelEncoding {
+            to_srgb: all().any(|one| one.output == Some(Output::Linear)),
+            keep_alpha: all().any(|one| one.keeps_alpha),
+        }
     }
 
     /// The bindings of the image that is bound at one.

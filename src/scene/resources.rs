@@ -13,7 +13,8 @@ use crate::scene::data_sources::DataSources;
 use crate::scene::descriptor_kind::DescriptorKind;
 use crate::scene::encoding::Data;
 use crate::scene::image_entry::{ImageContent, ImageEntry};
-use crate::scene::read::{Named, Parse, Span, Spanned, Table, TomlValue};
+use crate::scene::pass_entry::PassKey;
+use crate::scene::read::{Named, OneOrMore, Parse, Span, Spanned, Table, TomlValue};
 use crate::scene::sampler::SamplerReference;
 use crate::scene::struct_data::ShaderModules;
 use crate::scene::view_entry::ViewEntry;
@@ -139,6 +140,12 @@ pub struct ResourceEntry {
     pub element: u32,
     /// Marks the image that a render saves.
     pub output: Option<Output>,
+    /// True if a PNG of the image has its alpha.
+    pub keeps_alpha: bool,
+    /// The passes that find it, where others at its set and binding find another.
+    pub passes: Option<Vec<Spanned<PassKey>>>,
+    /// The named pipelines whose launches find it.
+    pub pipelines: Option<Vec<Spanned<String>>>,
     /// Its content, or those of the elements of an array from `element` on.
     pub contents: Vec<Content>,
 }
@@ -168,8 +175,9 @@ impl Parse for ResourceEntry {
         };
         let kind = DescriptorKind::parse(kind)?;
         let unbound = kind == DescriptorKind::Unbound;
-        for key in
-            ["set", "binding", "element", "elements"].into_iter().filter(|key| unbound && table.has(key))
+        for key in ["set", "binding", "element", "elements", "passes", "pipelines"]
+            .into_iter()
+            .filter(|key| unbound && table.has(key))
         {
             let found = table.refused(key);
             found.and_then(|found| {
@@ -182,16 +190,35 @@ impl Parse for ResourceEntry {
             true => (0, Some(0), 0),
             false => (table.or("set", 0), table.required("binding"), element(&table)),
         };
-        let output = match kind {
-            DescriptorKind::StorageImage => table.optional::<OutputKey>("output").and_then(|marked| marked.0),
-            _ => None,
+        let (passes, pipelines) = match unbound {
+            true => (None, None),
+            false => (
+                table.optional::<OneOrMore<_>>("passes").map(|all| all.0),
+                table.optional::<OneOrMore<_>>("pipelines").map(|all| all.0),
+            ),
+        };
+        let (output, keeps_alpha) = match kind {
+            DescriptorKind::StorageImage => {
+                (table.optional::<OutputKey>("output").and_then(|marked| marked.0), table.or("alpha", false))
+            }
+            _ => (None, false),
         };
         let contents = match table.value("elements").filter(|_| !unbound) {
             Some(value) => elements_of(value, kind),
             None => Content::parse(&table, kind).map(|content| vec![content]),
         };
         table.finish();
-        Some(Self { span: value.span(), set, binding: binding?, element, output, contents: contents? })
+        Some(Self {
+            span: value.span(),
+            set,
+            binding: binding?,
+            element,
+            output,
+            keeps_alpha,
+            passes,
+            pipelines,
+            contents: contents?,
+        })
     }
 }
 

@@ -23,6 +23,15 @@ pub(super) enum Scalar {
     Bool,
 }
 
+/// Bytes for the rows of a table.
+#[derive(Clone, Debug)]
+pub(super) enum Rows {
+    /// Those of every row.
+    Every(Vec<u8>),
+    /// Those of each row.
+    Each(Vec<Vec<u8>>),
+}
+
 impl Scalar {
     pub(super) const ALL: [Self; 15] = [
         Self::F16,
@@ -90,6 +99,31 @@ impl Scalar {
         let mut bytes = Vec::new();
         self.flatten(table.value(self.name())?, &mut bytes)?;
         Some(bytes)
+    }
+
+    /// The values under this type's key as rows: those of each element of a list, or the one that is
+    /// none.
+    pub(super) fn rows(self, table: &Table<'_>) -> Option<Rows> {
+        let value = table.value(self.name())?;
+        let Some(elements) = value.elements() else {
+            let mut bytes = Vec::new();
+            self.encode(value, &mut bytes)?;
+            return Some(Rows::Every(bytes));
+        };
+        let mut rows: Option<Vec<Vec<u8>>> = Some(Vec::new());
+        for element in elements {
+            let mut bytes = Vec::new();
+            let read = self.flatten(element, &mut bytes);
+            rows = rows.zip(read).map(|(mut rows, ())| {
+                rows.push(bytes);
+                rows
+            });
+        }
+        let rows = rows?;
+        if rows.iter().any(|row| row.len() != rows[0].len()) {
+            return value.wrong("each row of a column has as many numbers");
+        }
+        Some(Rows::Each(rows))
     }
 
     fn flatten(self, value: TomlValue<'_>, bytes: &mut Vec<u8>) -> Option<()> {

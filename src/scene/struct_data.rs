@@ -320,6 +320,11 @@ impl Writer<'_> {
         let is_table = matches!(value.toml(), Toml::Table(_));
         match module.ty(layout.ty) {
             Type::Struct { members, .. } => match (is_table, &members[..]) {
+                (_, [only]) if only.name.is_empty() && has_names_inside(layout, is_table) => {
+                    let (offset, part) = layout.member(0);
+                    self.write(part, value, path, at.checked_add(offset)?)?;
+                    self.grow(at.checked_add(layout.size())?, value).map(|_| ())
+                }
                 (true, [only]) if is_storage(layout) && !has_key(value, &only.name) => {
                     self.piece(layout, value, path, at)
                 }
@@ -330,6 +335,16 @@ impl Writer<'_> {
                     }
                     let (offset, part) = layout.member(0);
                     self.write(part, value, &format!("{path}.{}", only.name), at.checked_add(offset)?)
+                }
+                // What naga makes of a matrix whose columns do not lie as those of uniform buffers.
+                (false, _)
+                    if name_of(module, layout.ty).is_some_and(|name| name.starts_with("std140_mat")) =>
+                {
+                    let columns = layout.members().collect::<Vec<_>>();
+                    self.list(layout, value, path, Some(columns.len()), |this, index, element, path| {
+                        let (offset, part) = columns[index];
+                        this.write(part, element, path, at.checked_add(offset)?)
+                    })
                 }
                 _ => self.mismatch(layout, value, path, "a table of its members"),
             },
@@ -590,6 +605,16 @@ impl Writer<'_> {
 fn is_storage(layout: Layout<'_>) -> bool {
     name_of(layout.module, layout.ty)
         .is_some_and(|name| name.starts_with("_MatrixStorage_") || name.starts_with("_Array_"))
+}
+
+/// Whether a struct only wraps what a value is for, as naga's do for a variable of WGSL that is no
+/// struct with a runtime array: the one member has no name, and a table is for the members inside.
+fn has_names_inside(layout: Layout<'_>, is_table: bool) -> bool {
+    let (_, inner) = layout.member(0);
+    match inner.module.ty(inner.ty) {
+        Type::Struct { members, .. } => members.iter().any(|member| !member.name.is_empty()),
+        _ => !is_table,
+    }
 }
 
 fn has_key(value: TomlValue<'_>, key: &str) -> bool {

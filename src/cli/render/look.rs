@@ -27,8 +27,7 @@ use crate::harness::stability::deep_copy;
 use crate::harness::stability::shadow::texel_errors;
 use crate::input::{InputLimit, read_argument};
 use crate::machine::image::Image;
-use crate::scene::image::{Picture, PictureKind, Rgba8, write_picture};
-use crate::scene::resources::Output;
+use crate::scene::image::{Picture, PictureKind, PixelEncoding, Rgba8, write_picture};
 use crate::scene::{Assembled, Files, ResolvedScene};
 use crate::sorted::json_object;
 
@@ -78,6 +77,8 @@ pub(super) struct Looked<'a> {
     pub output: Option<&'a Path>,
     /// `--json`
     pub json: bool,
+    /// `--alpha`
+    pub keep_alpha: bool,
 }
 
 impl LookArgs {
@@ -153,8 +154,8 @@ impl LookArgs {
                 output::print(if given.json { told_json(heat, &command) } else { told(heat, &command) })
             }
             (None, Some(file)) => {
-                let (image, to_srgb) = output_of(&session, &run)?;
-                write_picture(file, image, to_srgb)
+                let (image, encoding) = output_of(&session, &run, given.keep_alpha)?;
+                write_picture(file, image, encoding)
             }
             (None, None) => Ok(()),
         }
@@ -214,11 +215,11 @@ impl LookArgs {
         given: Looked<'_>,
         command: &[String; 2],
     ) -> Result<Page> {
-        let (image, to_srgb) = output_of(session, run)?;
+        let (image, encoding) = output_of(session, run, given.keep_alpha)?;
         let name = session.scene().output().map_or("picture", |output| &output.name);
         let picture = Picture::of(image);
         let extent = picture.extent;
-        let found = Rgba8 { extent, pixels: picture.rgba8(to_srgb)? };
+        let found = Rgba8 { extent, pixels: picture.rgba8(encoding)? };
         let [width, height] = extent;
         let is_launched = cost.size == [width, height, 1];
         if !is_launched {
@@ -308,7 +309,7 @@ impl LookArgs {
         };
         let [[width, height], [a, b]] = [picture.extent, extent];
         match (picture.extent == extent, &self.compare) {
-            (true, _) => Ok(Some(Rgba8 { extent, pixels: picture.rgba8(false)? })),
+            (true, _) => Ok(Some(Rgba8 { extent, pixels: picture.rgba8(PixelEncoding::STORED)? })),
             (false, None) => Ok(None),
             (false, Some(_)) => {
                 let message = format!("the picture is {width} x {height}, and what is rendered {a} x {b}");
@@ -329,14 +330,20 @@ impl LookArgs {
     }
 }
 
-/// The output image that a run has left, and whether it is encoded as sRGB.
-fn output_of<'a>(session: &Session, run: &'a Assembled) -> Result<(&'a Image, bool)> {
+/// The output image that a run has left, and the encoding of its picture.
+fn output_of<'a>(
+    session: &Session,
+    run: &'a Assembled,
+    keep_alpha: bool,
+) -> Result<(&'a Image, PixelEncoding)> {
     let found = output_image(session.scene(), &run.resources);
     let (output, image) = found.ok_or_else(|| {
         let message = "the scene has no output image: give one storage image `output = true`";
         Error::new(ErrorKind::InvalidScene, message).at(Place::File(session.scene().path.clone()))
     })?;
-    Ok((image, output.output == Some(Output::Linear)))
+    let mut encoding = session.scene().encoding_of(output);
+    encoding.keep_alpha |= keep_alpha;
+    Ok((image, encoding))
 }
 
 /// A heat map as text.

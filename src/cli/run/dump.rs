@@ -47,8 +47,10 @@ pub(super) enum FoundResource {
 #[derive(Clone, Debug)]
 pub(super) struct FoundDump {
     name: String,
-    /// `None` for a buffer that is bound nowhere.
+    /// Where its descriptor is kept; `None` for a buffer that is bound nowhere.
     binding: Option<Binding>,
+    /// The set and binding at which shaders declare it.
+    declared_at: Option<Binding>,
     element: u32,
     format: Format,
     unless_zero: bool,
@@ -119,6 +121,7 @@ impl Dump {
             return Ok(FoundDump {
                 name: self.what.clone(),
                 binding: None,
+                declared_at: None,
                 element: 0,
                 format: self.format.clone(),
                 unless_zero: self.unless_zero,
@@ -132,6 +135,7 @@ impl Dump {
         Ok(FoundDump {
             name,
             binding: Some(binding),
+            declared_at: Some(named.map_or(binding, |one| one.declared_at())),
             element,
             format: self.format.clone(),
             unless_zero: self.unless_zero,
@@ -150,7 +154,17 @@ pub(super) fn descriptor(
     let (binding, element) = match named {
         Some(one) => (Binding { set: one.set, binding: one.binding }, one.element),
         None => match binding(what) {
-            Some((binding, element)) => (binding, element.unwrap_or(0)),
+            Some((at, element)) => {
+                let element = element.unwrap_or(0);
+                // Where passes alone find something there, it is kept elsewhere.
+                let apart = || {
+                    let is_there =
+                        |one: &&resolved::ResolvedBinding| one.declared_at() == at && one.element == element;
+                    scene.resources.iter().find(is_there).map(resolved::ResolvedBinding::kept_at)
+                };
+                let kept = Some(at).filter(|at| resources.descriptors.contains_key(at)).or_else(apart);
+                (kept.unwrap_or(at), element)
+            }
             None => {
                 let known: Vec<_> = scene.resources.iter().map(|one| format!("`{}`", one.name)).collect();
                 let error = invalid(format!("`{what}` is neither a resource of the scene nor a binding"));
@@ -205,7 +219,7 @@ impl FoundDump {
                 pointed(&programs, &assembled.resources, &roots(assembled), address?)
             })
         };
-        let title = match self.binding {
+        let title = match self.declared_at {
             Some(Binding { set, binding }) => {
                 let name = if self.name.is_empty() { String::new() } else { format!(" `{}`", self.name) };
                 let element =
@@ -230,7 +244,7 @@ impl FoundDump {
                 Some(image) => json!(texels(image)),
                 None => typed(&bytes).map_or_else(|| json!(bytes), |value| json_of(&value)),
             };
-            let mut json = match self.binding {
+            let mut json = match self.declared_at {
                 Some(Binding { set, binding }) => json!({ "set": set, "binding": binding }),
                 None => json!({ "address": address }),
             };

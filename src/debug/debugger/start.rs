@@ -53,14 +53,15 @@ impl Debugger {
         let single = session.assembled.single_launch(request.pass.as_deref())?;
         single.run_before(all)?;
         let resources = single.resources(all).into_owned();
+        let size = single.size_in(&resources);
         let names = Names::new(&session.scene, single.index, &single.pipeline);
         let pipeline = Arc::new(single.pipeline.partly_unoptimized(|shader| runs(&names.shader(shader)))?);
         let needs_subgroup = pipeline.uses_subgroups() && pipeline.subgroup_size > 1;
         let debuggee: Box<dyn Debuggee> = match request.what {
             SingleRun::Pixel(id) => match needs_subgroup.then_some(pipeline.subgroup_size) {
-                None => of_invocation::<1>(&pipeline, &resources, id, single.size)?,
-                Some(..=64) => of_invocation::<64>(&pipeline, &resources, id, single.size)?,
-                Some(_) => of_invocation::<128>(&pipeline, &resources, id, single.size)?,
+                None => of_invocation::<1>(&pipeline, &resources, id, size)?,
+                Some(..=64) => of_invocation::<64>(&pipeline, &resources, id, size)?,
+                Some(_) => of_invocation::<128>(&pipeline, &resources, id, size)?,
             },
             SingleRun::Ray(ray) => {
                 let tlas = match session.scene.tlas.first() {
@@ -78,7 +79,7 @@ impl Debugger {
         let dispatch = session.dispatch(number)?;
         let (_, pass) = session.run_before_dispatch(number)?;
         let resources = session.assembled.pass_resources(pass, &session.assembled.resources).into_owned();
-        Self::of_compute(&dispatch.compute, &resources, dispatch.groups, id)
+        Self::of_compute(&dispatch.compute, &resources, dispatch.groups(&resources), id)
     }
 
     /// Debugs an invocation of a compute shader, given by its `GlobalInvocationId`, which has not

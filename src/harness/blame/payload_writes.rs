@@ -36,7 +36,7 @@ pub(super) fn blame(loaded: &Loaded, ray: &RayEntry, word: u32) -> Option<Blame>
         }
         _ => {}
     };
-    let _ = trace(&loaded.scene, &launch, single.size, ray, &mut on_event, Some(&mut finder));
+    let _ = trace(&loaded.scene, &launch, single.size_in(&resources), ray, &mut on_event, Some(&mut finder));
     Some(finder.into_blame())
 }
 

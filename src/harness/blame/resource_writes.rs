@@ -175,7 +175,7 @@ impl<'a> Search<'a> {
         let resources = single.resources(resources);
         let launch = Launch { pipeline: &single.pipeline, resources: &resources };
         let mut finder = WriteFinder::new(&single.pipeline.programs, self.target);
-        let _ = trace(&self.loaded.scene, &launch, single.size, ray, &mut Silent, Some(&mut finder));
+        let _ = trace(&self.loaded.scene, &launch, single.size_in(&resources), ray, &mut Silent, Some(&mut finder));
         self.take(single.number, finder);
         Some(())
     }
@@ -184,7 +184,7 @@ impl<'a> Search<'a> {
         let assembled = &self.loaded.assembled;
         for (number, pass) in assembled.passes.iter().enumerate() {
             let before = self.target.value();
-            let count = self.invocations(pass);
+            let count = self.invocations(pass, resources);
             let observed = match count <= MAX_INVOCATIONS && self.can_be_observed(pass) {
                 true => self.observe(number, pass, resources),
                 false => {
@@ -205,19 +205,21 @@ impl<'a> Search<'a> {
         }
     }
 
-    fn size(&self, pass: &Pass) -> [u32; 3] {
+    fn size(&self, pass: &Pass, resources: &Resources) -> [u32; 3] {
+        let resources = self.loaded.assembled.pass_resources(pass, resources);
         match &pass.work {
-            PassWork::Launch(launch) => launch.size,
+            PassWork::Launch(launch) => launch.size(&resources),
             PassWork::Dispatch(at) => {
                 let dispatch = &self.loaded.assembled.dispatches[*at];
                 let group = dispatch.compute.workgroup_size();
-                crate::math::array::from_fn(|axis| dispatch.groups[axis].saturating_mul(group[axis]))
+                let groups = dispatch.groups(&resources);
+                crate::math::array::from_fn(|axis| groups[axis].saturating_mul(group[axis]))
             }
         }
     }
 
-    fn invocations(&self, pass: &Pass) -> u64 {
-        self.size(pass).iter().fold(1, |all: u64, &side| all.saturating_mul(side.into()))
+    fn invocations(&self, pass: &Pass, resources: &Resources) -> u64 {
+        self.size(pass, resources).iter().fold(1, |all: u64, &side| all.saturating_mul(side.into()))
     }
 
     /// Whether all invocations of a pass can run under an observer.
@@ -245,7 +247,7 @@ impl<'a> Search<'a> {
                 let pipeline = assembled.pass_pipeline(one);
                 let mut finder = WriteFinder::new(&pipeline.programs, self.target);
                 let launch = Launch { pipeline: &pipeline, resources: &resources };
-                let ran = launch.run_observed(one.size, &mut Silent, &mut finder);
+                let ran = launch.run_observed(one.size(&resources), &mut Silent, &mut finder);
                 self.take(number, finder);
                 ran.is_ok()
             }
@@ -254,7 +256,7 @@ impl<'a> Search<'a> {
                 let programs = [dispatch.compute.program.clone()];
                 let mut finder = WriteFinder::new(&programs, self.target);
                 let ran =
-                    dispatch.compute.run_observed(&resources, dispatch.groups, &mut |_| (), &mut finder);
+                    dispatch.compute.run_observed(&resources, dispatch.groups(&resources), &mut |_| (), &mut finder);
                 self.take(number, finder);
                 ran.is_ok()
             }
@@ -264,7 +266,7 @@ impl<'a> Search<'a> {
     /// Runs the one invocation of a large pass that is likely to write, on a copy of the resources.
     fn observe_one(&mut self, number: usize, pass: &Pass, resources: &Resources) -> Option<()> {
         let assembled = &self.loaded.assembled;
-        let id = self.guess(number)?;
+        let id = self.guess(number, resources)?;
         let copy = memory::copied(resources);
         let target = Target::of(self.subject, &copy)?;
         let resources = assembled.pass_resources(pass, &copy);
@@ -273,7 +275,7 @@ impl<'a> Search<'a> {
                 let pipeline = assembled.pass_pipeline(one);
                 let mut finder = WriteFinder::new(&pipeline.programs, &target);
                 let launch = Launch { pipeline: &pipeline, resources: &resources };
-                let _ = launch.run_one(id, one.size, Some(&mut Silent), Some(&mut finder));
+                let _ = launch.run_one(id, one.size(&resources), Some(&mut Silent), Some(&mut finder));
                 self.take(number, finder);
             }
             PassWork::Dispatch(at) => {
@@ -281,7 +283,7 @@ impl<'a> Search<'a> {
                 let programs = [dispatch.compute.program.clone()];
                 let mut finder = WriteFinder::new(&programs, &target);
                 let stepped =
-                    SteppedDispatch::<64>::new(dispatch.compute.clone(), &resources, dispatch.groups, id);
+                    SteppedDispatch::<64>::new(dispatch.compute.clone(), &resources, dispatch.groups(&resources), id);
                 stepped.ok()?.resume(&mut finder, &mut |_| ());
                 self.take(number, finder);
             }
@@ -291,9 +293,9 @@ impl<'a> Search<'a> {
 
     /// The invocation of a pass that is likely to be meant for the target: the one with the texel's
     /// coordinates, or with the number of the element of a runtime array.
-    fn guess(&self, number: usize) -> Option<[u32; 3]> {
+    fn guess(&self, number: usize, resources: &Resources) -> Option<[u32; 3]> {
         let pass = &self.loaded.assembled.passes[number];
-        let size = self.size(pass);
+        let size = self.size(pass, resources);
         let inside = |id: [u32; 3]| id.iter().zip(size).all(|(&at, side)| at < side).then_some(id);
         match *self.subject {
             Subject::Texel(_, [x, y]) => inside([x, y, 0]),

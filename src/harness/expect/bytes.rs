@@ -8,6 +8,7 @@ use crate::harness::expect::numbers::TypedNumbers;
 use crate::harness::expect::{Difference, Subject};
 use crate::harness::number::Tolerance;
 use crate::machine::image::Image;
+use crate::scene::image::PixelEncoding;
 use crate::scene::read::{Parse, Spanned, Table, TomlValue};
 
 /// A resource's memory after the launch.
@@ -21,8 +22,8 @@ pub struct Bytes {
     pub row: Option<[usize; 2]>,
     /// The content.
     pub bytes: Vec<u8>,
-    /// The image, and whether a saved picture of it is encoded as sRGB.
-    pub image: Option<(Arc<Image>, bool)>,
+    /// The image, and the encoding of a saved picture of it.
+    pub image: Option<(Arc<Image>, PixelEncoding)>,
 }
 
 /// Numbers at a place of a buffer or an image.

@@ -8,7 +8,7 @@ use crate::harness::expect::similarity::similarity;
 use crate::harness::expect::{Bytes, Difference, Fix};
 use crate::harness::number::{ExpectedNumber, NumberType, Tolerance};
 use crate::machine::format::Component;
-use crate::scene::image::{Picture, Rgba8, exr_support};
+use crate::scene::image::{Picture, PixelEncoding, Rgba8, exr_support};
 use crate::scene::read::{Parse, Spanned, Table, TomlValue};
 use crate::scene::{Files, SceneFiles};
 
@@ -75,7 +75,7 @@ impl Parse for PictureExpectation {
 impl PictureExpectation {
     pub(super) fn check(&self, images: &[Bytes], differences: &mut Vec<Difference>) {
         let found = images.iter().find(|bytes| bytes.name == self.name.value);
-        let Some((bytes, (image, linear))) = found.and_then(|bytes| Some((bytes, bytes.image.as_ref()?)))
+        let Some((bytes, (image, encoding))) = found.and_then(|bytes| Some((bytes, bytes.image.as_ref()?)))
         else {
             let known = images.iter().map(|bytes| bytes.name.as_str());
             differences.push(Difference::unknown(&self.name, "image", known));
@@ -83,11 +83,11 @@ impl PictureExpectation {
         };
         let path = self.file.span.source.sibling(&self.file.value);
         let found = Picture::of(image);
-        match self.compare(&path, &found, *linear, bytes) {
+        match self.compare(&path, &found, *encoding, bytes) {
             Ok(None) => {}
             Ok(Some(difference)) => differences.push(difference),
             Err(error) => {
-                let fix = self.renewed(&path, &found, *linear);
+                let fix = self.renewed(&path, &found, *encoding);
                 let error = error.at(self.file.span.place());
                 let error = if fix.is_some() { error.note("`--bless` writes it") } else { error };
                 differences.push(Difference { fix, ..Difference::of(error) });
@@ -99,7 +99,7 @@ impl PictureExpectation {
         &self,
         path: &Path,
         found: &Picture,
-        linear: bool,
+        encoding: PixelEncoding,
         bytes: &Bytes,
     ) -> Result<Option<Difference>> {
         if is_exr(path) {
@@ -111,7 +111,7 @@ impl PictureExpectation {
         let because = self.because.as_ref();
         let difference = |message: String| {
             let mut difference = Difference::new(&self.file.span, message, because);
-            difference.fix = self.renewed(path, found, linear);
+            difference.fix = self.renewed(path, found, encoding);
             difference
         };
         if expected.extent != found.extent {
@@ -119,9 +119,13 @@ impl PictureExpectation {
             return Ok(Some(difference(format!("`{}` is {c} x {d}, the file {a} x {b}", bytes.name))));
         }
         let is_float = expected.format.component == Component::Float32;
-        let numbers = Numbers::of(&expected, found, linear)?;
+        let numbers = Numbers::of(&expected, found, encoding)?;
+        let shown = |encoding: PixelEncoding| PixelEncoding {
+            to_srgb: encoding.to_srgb || is_float,
+            keep_alpha: encoding.keep_alpha || is_float,
+        };
         let [expected_picture, found_picture] =
-            [rgba8(&expected, is_float)?, rgba8(found, linear || is_float)?];
+            [rgba8(&expected, shown(PixelEncoding::STORED))?, rgba8(found, shown(encoding))?];
         let (message, texel) = match &self.measure {
             Measure::Each(tolerance) => match numbers.each(*tolerance) {
                 None => return Ok(None),
@@ -165,14 +169,14 @@ impl PictureExpectation {
     }
 
     /// The file as it would have to be.
-    fn renewed(&self, path: &Path, found: &Picture, linear: bool) -> Option<Fix> {
+    fn renewed(&self, path: &Path, found: &Picture, encoding: PixelEncoding) -> Option<Fix> {
         if self.because.is_some() || !self.files.may_replace(path) {
             return None;
         }
         let extension = path.extension().and_then(|extension| extension.to_str()).unwrap_or("");
         let bytes = match extension.to_ascii_lowercase().as_str() {
             "exr" => found.encode_exr().ok()?,
-            "png" => found.encode_png(linear).ok()?,
+            "png" => found.encode_png(encoding).ok()?,
             _ => return None,
         };
         Some(Fix::File(PathBuf::from(path), bytes))
@@ -193,13 +197,14 @@ struct Numbers {
 }
 
 impl Numbers {
-    fn of(expected: &Picture, found: &Picture, linear: bool) -> Result<Self> {
+    fn of(expected: &Picture, found: &Picture, encoding: PixelEncoding) -> Result<Self> {
         // What is stored as sRGB stays so: both sides are compared as a file stores them.
         let stored = |bytes: Vec<u8>| bytes.into_iter().map(|byte| f64::from(byte) / 255.0).collect();
         let (step, [expected_numbers, found_numbers]): (_, [Vec<f64>; 2]) = match expected.format.component {
-            Component::Unorm8 => {
-                (Some(1.0 / 255.0), [stored(expected.rgba8(false)?), stored(found.rgba8(linear)?)])
-            }
+            Component::Unorm8 => (
+                Some(1.0 / 255.0),
+                [stored(expected.rgba8(PixelEncoding::STORED)?), stored(found.rgba8(encoding)?)],
+            ),
             Component::Unorm16 => (Some(1.0 / 65_535.0), [expected.numbers(), found.numbers()]),
             _ => (None, [expected.numbers(), found.numbers()]),
         };
@@ -262,8 +267,8 @@ impl Numbers {
     }
 }
 
-fn rgba8(picture: &Picture, linear: bool) -> Result<Rgba8> {
-    Ok(Rgba8 { extent: picture.extent, pixels: picture.rgba8(linear)? })
+fn rgba8(picture: &Picture, encoding: PixelEncoding) -> Result<Rgba8> {
+    Ok(Rgba8 { extent: picture.extent, pixels: picture.rgba8(encoding)? })
 }
 
 #[cfg(test)]

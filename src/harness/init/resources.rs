@@ -6,7 +6,7 @@ use crate::harness::init::Shader;
 use crate::harness::init::pointees::{Block, Pointees, plain};
 use crate::harness::layout::{Layout, Rules};
 use crate::module::Module;
-use crate::module::interface::InterfaceVariable;
+use crate::module::interface::{InterfaceVariable, Stage};
 use crate::module::ty::{ImageType, Type, TypeId};
 use crate::ops::image::declared::declared_format;
 use crate::ops::pointer::storage;
@@ -21,8 +21,8 @@ pub(super) const ELEMENTS: usize = 16;
 pub(super) struct Resources {
     /// Elements that a runtime array gets.
     elements: usize,
-    /// By set and binding.
-    bound: SortedMap<(u32, u32), BoundResource>,
+    /// By set and binding: several where passes declare several types or layouts there.
+    bound: SortedMap<(u32, u32), Vec<BoundResource>>,
     /// The buffers that pointers lead to.
     pointees: Pointees,
     push_constants: Option<Data>,
@@ -34,8 +34,12 @@ pub(super) struct Resources {
 #[derive(Debug)]
 struct BoundResource {
     name: String,
+    /// The lines that say its type and size.
+    content: Vec<String>,
     lines: Vec<String>,
     block: Option<Block>,
+    /// The passes that declare it.
+    passes: Vec<usize>,
 }
 
 /// A block with its data.
@@ -72,12 +76,22 @@ impl Resources {
             push_constants: None,
             records: SortedMap::new(),
         };
-        shaders.iter().for_each(|shader| all.add(shader));
+        // The shaders of the pipeline are one pass, the first if it is launched; without it they run
+        // for rays from the host. Each compute shader is one of its own.
+        let is_compute = |shader: &&Shader| shader.entry.stage == Stage::Compute;
+        let launches = shaders.iter().any(|shader| shader.entry.stage == Stage::RayGeneration);
+        for shader in shaders.iter().filter(|shader| !is_compute(shader)) {
+            all.add(shader, launches.then_some(0));
+        }
+        for (at, shader) in shaders.iter().filter(is_compute).enumerate() {
+            all.add(shader, Some(at + usize::from(launches)));
+        }
+        all.tell_apart();
         all.follow_pointers();
         all
     }
 
-    fn add(&mut self, shader: &Shader) {
+    fn add(&mut self, shader: &Shader, pass: Option<usize>) {
         let module = &shader.module;
         for variable in module.interface_of(&shader.entry) {
             let Some(ty) = variable.ty else { continue };
@@ -94,41 +108,81 @@ impl Resources {
                     self.records.insert(shader.reference.clone(), Data::new(block));
                 }
                 storage::UNIFORM_CONSTANT | storage::UNIFORM | storage::STORAGE_BUFFER => {
-                    self.bind(block, &variable);
+                    self.bind(block, &variable, pass);
                 }
                 _ => {}
             }
         }
     }
 
-    fn bind(&mut self, block: Block, variable: &InterfaceVariable) {
+    fn bind(&mut self, block: Block, variable: &InterfaceVariable, pass: Option<usize>) {
         let (Some(set), Some(binding)) = (variable.descriptor_set, variable.binding) else { return };
         let class = variable.storage_class;
-        let Some(mut lines) = content(&block.module, block.ty, class, self.elements) else { return };
-        if self.bound.contains_key(&(set, binding)) {
+        let Some(content) = content(&block.module, block.ty, class, self.elements) else { return };
+        let is_struct = matches!(block.module.ty(block.ty), Type::Struct { .. });
+        let here = self.bound.entry((set, binding)).or_default();
+        if pass.is_none() && !here.is_empty() {
             return;
         }
+        // Of one pass all shaders find the same, and passes share buffers, whatever they call their
+        // members, and what else they declare alike.
+        let is_of_pass = |one: &BoundResource| pass.is_some_and(|pass| one.passes.contains(&pass));
+        let is_same = |one: &BoundResource| match size_of(&content) {
+            Some(_) => type_of(&one.content) == type_of(&content),
+            None => one.content == content,
+        };
+        if let Some(known) = here.iter_mut().find(|one| is_of_pass(one) || is_same(one)) {
+            known.passes.extend(pass.filter(|pass| !known.passes.contains(pass)));
+            let (old, new) = (size_of(&known.content), size_of(&content));
+            if !is_struct || new <= old || type_of(&known.content) != type_of(&content) {
+                return;
+            }
+            let others = known.lines.split_off(known.content.len());
+            known.lines = [content.clone(), others].concat();
+            (known.content, known.block) = (content, Some(block));
+            return;
+        }
+        let mut lines = content.clone();
         if set > 0 {
             lines.push(format!("set = {set}"));
         }
         lines.push(format!("binding = {binding}"));
         let mut name = plain(&variable.name);
-        if name.is_empty() || self.bound.values().any(|known| known.name == name) {
+        let is_taken = |name: &str| self.bound.values().flatten().any(|known| known.name == name);
+        if name.is_empty() || is_taken(&name) {
             name = format!("binding_{set}_{binding}");
         }
-        let is_block = matches!(block.module.ty(block.ty), Type::Struct { .. });
-        self.bound.insert((set, binding), BoundResource { name, lines, block: is_block.then_some(block) });
+        let mut number = 2;
+        while is_taken(&name) {
+            name = format!("binding_{set}_{binding}_{number}");
+            number += 1;
+        }
+        let (block, passes) = (is_struct.then_some(block), pass.into_iter().collect());
+        let new = BoundResource { name, content, lines, block, passes };
+        self.bound.entry((set, binding)).or_default().push(new);
+    }
+
+    /// Says of resources of one type at one set and binding which passes find them.
+    fn tell_apart(&mut self) {
+        for here in self.bound.values_mut() {
+            let kinds: Vec<_> = here.iter().map(|one| type_of(&one.content).map(str::to_owned)).collect();
+            for (at, one) in here.iter_mut().enumerate() {
+                if kinds[..at].contains(&kinds[at]) {
+                    one.lines.push(format!("passes = {:?}", one.passes));
+                }
+            }
+        }
     }
 
     /// Makes the buffers that pointers lead to, and writes their addresses.
     fn follow_pointers(&mut self) {
-        let mut pointees = Pointees::beside(self.bound.values().map(|one| one.name.as_str()));
+        let mut pointees = Pointees::beside(self.bound.values().flatten().map(|one| one.name.as_str()));
         for data in self.push_constants.iter_mut().chain(self.records.values_mut()) {
             if let Some(piece) = pointees.piece(&data.block, self.elements) {
                 data.piece = piece;
             }
         }
-        for bound in self.bound.values_mut() {
+        for bound in self.bound.values_mut().flatten() {
             let piece = bound.block.as_ref().and_then(|block| pointees.piece(block, self.elements));
             bound.lines.extend(piece.map(|piece| format!("data = {piece}")));
         }
@@ -161,7 +215,12 @@ impl Resources {
     /// The names of the buffers, which are full of zeros.
     pub(super) fn buffers(&self) -> impl Iterator<Item = &str> {
         let is_buffer = |lines: &[String]| lines.iter().any(|line| line.ends_with("_buffer\""));
-        let bound = self.bound.values().filter(move |one| is_buffer(&one.lines)).map(|one| one.name.as_str());
+        let bound = self
+            .bound
+            .values()
+            .flatten()
+            .filter(move |one| is_buffer(&one.lines))
+            .map(|one| one.name.as_str());
         bound.chain(self.pointees.tables().map(|(name, _)| name))
     }
 
@@ -170,7 +229,7 @@ impl Resources {
     pub(super) fn text_with_camera(&self) -> String {
         let mut out = String::new();
         let mut has_output = false;
-        for BoundResource { name, lines, .. } in self.bound.values() {
+        for BoundResource { name, lines, .. } in self.bound.values().flatten() {
             let mut lines = lines.clone();
             if !has_output && lines.iter().any(|line| line == "type = \"storage_image\"") {
                 has_output = true;
@@ -194,7 +253,7 @@ impl Resources {
     /// The tables of the scene file.
     pub(super) fn text(&self) -> String {
         let mut out = String::new();
-        for BoundResource { name, lines, .. } in self.bound.values() {
+        for BoundResource { name, lines, .. } in self.bound.values().flatten() {
             // Writing to a string does not fail.
             let _ = writeln!(out, "\n[resources.{name}]\n{}", lines.join("\n"));
         }
@@ -208,6 +267,21 @@ impl Resources {
         self.pointees.tables().map(table).collect()
     }
 }
+
+/// The line that says a resource's type.
+fn type_of(content: &[String]) -> Option<&str> {
+    content.iter().find(|line| line.starts_with("type = ")).map(String::as_str)
+}
+
+/// How many bytes a buffer has; `None` of anything else.
+fn size_of(content: &[String]) -> Option<usize> {
+    let is_buffer = type_of(content).is_some_and(|line| matches!(line, STORAGE | UNIFORM));
+    let size = content.iter().filter(|_| is_buffer).find_map(|line| line.strip_prefix("size = "))?;
+    size.parse().ok()
+}
+
+const STORAGE: &str = "type = \"storage_buffer\"";
+const UNIFORM: &str = "type = \"uniform_buffer\"";
 
 /// The lines that describe a resource of a type.
 fn content(module: &Module, ty: TypeId, class: u32, elements: usize) -> Option<Vec<String>> {
@@ -227,13 +301,13 @@ fn content(module: &Module, ty: TypeId, class: u32, elements: usize) -> Option<V
         Type::Struct { buffer_block, .. } => {
             let layout = Layout::new(module, ty, Rules::Explicit);
             let is_uniform = class == storage::UNIFORM && !buffer_block;
-            let kind = if is_uniform { "uniform_buffer" } else { "storage_buffer" };
+            let kind = if is_uniform { UNIFORM } else { STORAGE };
             let mut lines: Vec<String> = layout.describe().iter().map(|line| format!("#{line}")).collect();
             let size = match layout.runtime_stride() {
                 Some((offset, stride)) => offset.saturating_add(elements.saturating_mul(stride)),
                 None => layout.size(),
             };
-            lines.push(format!("type = \"{kind}\""));
+            lines.push(kind.to_owned());
             lines.push(format!("size = {}", size.max(4)));
             Some(lines)
         }

@@ -1,7 +1,7 @@
 //! Runs of a scene with drawn choices, compared with the run in which none is drawn.
 
 use std::collections::BTreeSet;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use crate::accel::Tlas;
 use crate::debug::session::{ResolvedRequest, SingleRun};
@@ -19,7 +19,7 @@ use crate::math::random::Random;
 use crate::pipeline::{Event, Launch, PipelineObserver};
 use crate::program::Program;
 use crate::sanitize::Levels;
-use crate::scene::pass::{Pass, PassWork};
+use crate::scene::pass::{Pass, PassWork, indirect_size};
 use crate::scene::{Assembled, ResolvedScene};
 
 /// The sizes of subgroups that devices have: from 8 of a CPU to 64 of AMD's GPUs.
@@ -89,6 +89,8 @@ pub(super) struct Runs<'a> {
     expectations: Expectations,
     /// What the run without draws leaves behind.
     own: Observed,
+    /// The sizes of passes that buffers hold.
+    indirect_sizes: OnceLock<Vec<Option<[u32; 3]>>>,
 }
 
 impl<'a> Runs<'a> {
@@ -118,7 +120,16 @@ impl<'a> Runs<'a> {
         let mut expectations = Expectations::read(&scene.document)?;
         expectations.read_with(&scene.files);
         let own = Observed::default();
-        let mut runs = Self { scene, which, assembled, reference, values, expectations, own };
+        let mut runs = Self {
+            scene,
+            which,
+            assembled,
+            reference,
+            values,
+            expectations,
+            own,
+            indirect_sizes: OnceLock::new(),
+        };
         runs.own = runs.run(None)?;
         Ok(runs)
     }
@@ -137,12 +148,20 @@ impl<'a> Runs<'a> {
         }
     }
 
+    /// The size of a pass: the given one, unless a buffer holds it.
+    fn size_of(&self, pass: u32, given: [u32; 3]) -> [u32; 3] {
+        let sizes = self.indirect_sizes.get();
+        sizes.and_then(|sizes| *sizes.get(pass as usize)?).unwrap_or(given)
+    }
+
     /// How many invocations or workgroups of a pass stand in an order.
     pub(super) fn ordered_count(&self, pass: u32, part: OrderPart) -> u64 {
         let count = |sides: [u32; 3]| sides.into_iter().map(u64::from).product();
         match (self.pass_work(pass), part) {
-            (Some(PassWork::Launch(launch)), OrderPart::Grid) => count(launch.size),
-            (Some(&PassWork::Dispatch(at)), OrderPart::Grid) => count(self.assembled.dispatches[at].groups),
+            (Some(PassWork::Launch(launch)), OrderPart::Grid) => count(self.size_of(pass, launch.given_size)),
+            (Some(&PassWork::Dispatch(at)), OrderPart::Grid) => {
+                count(self.size_of(pass, self.assembled.dispatches[at].given_groups))
+            }
             (Some(&PassWork::Dispatch(at)), OrderPart::Workgroup) => count(self.workgroup_size(at)),
             _ => 0,
         }
@@ -156,9 +175,12 @@ impl<'a> Runs<'a> {
             format!("({}, {}, {})", number % width, number / width % height, number / (width * height))
         };
         let name = match (self.pass_work(pass), part) {
-            (Some(PassWork::Launch(launch)), _) => format!("invocation {}", place(launch.size, number)),
+            (Some(PassWork::Launch(launch)), _) => {
+                format!("invocation {}", place(self.size_of(pass, launch.given_size), number))
+            }
             (Some(&PassWork::Dispatch(at)), OrderPart::Grid) => {
-                format!("workgroup {}", place(self.assembled.dispatches[at].groups, number))
+                let groups = self.size_of(pass, self.assembled.dispatches[at].given_groups);
+                format!("workgroup {}", place(groups, number))
             }
             (Some(&PassWork::Dispatch(at)), OrderPart::Workgroup) => {
                 let layout = self.assembled.dispatches[at].compute.program.workgroup;
@@ -212,9 +234,11 @@ impl<'a> Runs<'a> {
         if let Some(which) = self.which {
             return self.run_one(which, &resources, drawing);
         }
+        let mut sizes = Vec::new();
         for (number, pass) in self.assembled.passes.iter().enumerate() {
             let mut own = self.assembled.pass_resources(pass, &resources).into_owned();
             own.choices = drawing.map(|drawing| Arc::new(drawing.of_pass(number as u32)));
+            sizes.push(indirect_size(&own));
             match &own.choices {
                 Some(choices) if choices.kinds.iter().any(|kind| kind.is_of_values()) => {
                     let draws = ValueDraws::new(&self.values[number], choices);
@@ -226,6 +250,8 @@ impl<'a> Runs<'a> {
                 }
             }
         }
+        // Those of the first run, in which nothing is drawn.
+        let _ = self.indirect_sizes.set(sizes);
         let mut observed = Observed::default();
         read_resources(self.scene, &resources, &mut observed);
         Ok(observed)
@@ -251,9 +277,9 @@ impl<'a> Runs<'a> {
         match own.choices.as_deref().filter(|_| is_of_values) {
             Some(choices) => {
                 let mut draws = ValueDraws::new(&self.values[single.number], choices);
-                self.run_single(&launch, single.size, which, &mut sink, Some(&mut draws))?;
+                self.run_single(&launch, single.size_in(&own), which, &mut sink, Some(&mut draws))?;
             }
-            None => self.run_single(&launch, single.size, which, &mut sink, None)?,
+            None => self.run_single(&launch, single.size_in(&own), which, &mut sink, None)?,
         }
         let mut observed = Observed::default();
         observed.rays.push((None, Ok(first_ray(&single.pipeline, &events))));
@@ -288,14 +314,14 @@ impl<'a> Runs<'a> {
                 if let Some(size) = subgroup_size {
                     pipeline.to_mut().subgroup_size = size;
                 }
-                Launch { pipeline: &pipeline, resources }.run::<64>(launch.size, &|_| ())?;
+                Launch { pipeline: &pipeline, resources }.run::<64>(launch.size(resources), &|_| ())?;
             }
             PassWork::Dispatch(index) => {
                 let dispatch = &self.assembled.dispatches[*index];
                 let sized = |size| dispatch.compute.clone().subgroup_size(size);
                 let drawn = subgroup_size.map(sized).transpose()?;
                 let compute = drawn.as_ref().unwrap_or(&dispatch.compute);
-                compute.run::<64>(resources, dispatch.groups, &|_| ())?;
+                compute.run::<64>(resources, dispatch.groups(resources), &|_| ())?;
             }
         }
         Ok(())
@@ -307,11 +333,12 @@ impl<'a> Runs<'a> {
             PassWork::Launch(launch) => {
                 let pipeline = self.reference.pass_pipeline(launch);
                 let one = Launch { pipeline: &pipeline, resources };
-                one.run_observed(launch.size, &mut |_: Event| (), &mut draws)?;
+                one.run_observed(launch.size(resources), &mut |_: Event| (), &mut draws)?;
             }
             PassWork::Dispatch(index) => {
                 let dispatch = &self.reference.dispatches[*index];
-                dispatch.compute.run_observed(resources, dispatch.groups, &mut |_| (), &mut draws)?;
+                let groups = dispatch.groups(resources);
+                dispatch.compute.run_observed(resources, groups, &mut |_| (), &mut draws)?;
             }
         }
         Ok(())

@@ -72,12 +72,13 @@ pub fn measure(
     resources: &Resources,
 ) -> Result<LaunchCost> {
     check(single)?;
-    let mut counter = LaunchCounter::new(&single.pipeline, single.size);
+    let mut counter = None;
     let mut found = None;
     for (number, pass) in assembled.passes.iter().enumerate() {
         let outcome = if number == single.number {
             let resources: Cow<'_, Resources> = single.resources(resources);
             let launch = Launch { pipeline: &single.pipeline, resources: &resources };
+            let counter = counter.insert(LaunchCounter::new(&single.pipeline, single.size_in(&resources)));
             let outcome = counter.run(&launch);
             found = outcome.is_ok().then_some(number);
             outcome
@@ -86,8 +87,8 @@ pub fn measure(
         };
         outcome.map_err(|error| assembled.in_pass(number, error))?;
     }
-    match found {
-        Some(_) => Ok(counter.finish()),
+    match counter.filter(|_| found.is_some()) {
+        Some(counter) => Ok(counter.finish()),
         None => Err(no_launch()),
     }
 }

@@ -21,6 +21,7 @@ use crate::ops::translate::InterfaceRegisters;
 use crate::pipeline::{Event, Pipeline, trap_error, with_limit};
 use crate::sanitize::module_checks::check_module;
 use crate::sanitize::{Levels, ProgramPlan, Sanitizer};
+use crate::sorted::SortedMap;
 
 impl ShaderTest {
     /// Runs the shader once. Buffers and images are copied first: a test can be run again.
@@ -171,7 +172,12 @@ impl ShaderTest {
             calls,
             printed: printed.into_iter().map(|line| line.text).collect(),
             data: self.payload_rows().map(|registers| self.data(&batch, registers, "the payload")),
-            bound: Bound { programs: vec![self.program.clone()], resources, roots },
+            bound: Bound {
+                programs: vec![self.program.clone()],
+                resources,
+                roots,
+                readers: SortedMap::new(),
+            },
             explanation,
             hit,
         }

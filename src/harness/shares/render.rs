@@ -36,6 +36,9 @@ pub struct RenderWhole {
     pub format: String,
     /// Whether a PNG encodes them as sRGB.
     pub to_srgb: bool,
+    /// Whether a PNG has their alpha; it is opaque otherwise.
+    #[serde(default)]
+    pub keep_alpha: bool,
 }
 
 /// What was drawn.

@@ -18,10 +18,13 @@ use crate::sorted::SortedMap;
 const ELEMENTS: usize = 1024;
 /// Bytes that one filled buffer may have beyond what its type fixes, at scale 1 and at any.
 const MOST_BYTES: [usize; 2] = [1 << 20, 1 << 24];
-/// Bytes of one buffer that are given values; those beyond are zero.
+/// Bytes of one buffer that are given values one by one. In what lies behind them the first elements
+/// of each array are, and all others repeat these.
 const MOST_FILLED: usize = 1 << 17;
-/// Parts of one buffer that are given values: more than the bytes above have, unless parts lie on
-/// each other or have no bytes at all.
+/// Those first elements: a multiple of three, as indices of triangles lie in threes.
+const FIRST_ELEMENTS: usize = 6;
+/// Parts of one buffer that are given values one by one: more than the bytes above have, unless
+/// parts lie on each other or have no bytes at all, or arrays lie in arrays many times over.
 const MOST_PARTS: u32 = 1 << 19;
 /// How many addresses may lead from one to the next.
 const MOST_STEPS: usize = 6;
@@ -80,13 +83,17 @@ pub(super) struct ResourceScale {
     pub buffers: u32,
     /// Runtime arrays of descriptors.
     pub descriptors: u32,
-    /// Images and texel buffers.
+    /// The sides of images, and texel buffers.
     pub images: u32,
+    /// The layers of images.
+    pub layers: u32,
+    /// The samples of images.
+    pub samples: u32,
 }
 
 impl Default for ResourceScale {
     fn default() -> Self {
-        Self { buffers: 1, descriptors: 1, images: 1 }
+        Self { buffers: 1, descriptors: 1, images: 1, layers: 1, samples: 1 }
     }
 }
 
@@ -223,7 +230,7 @@ impl MadeUpBytes {
     }
 }
 
-/// Bytes of a buffer up to the last one that has a value; the rest of its size is zero.
+/// Bytes of a buffer, to be given values.
 pub(super) struct FilledBytes {
     bytes: Vec<u8>,
     size: usize,
@@ -231,13 +238,11 @@ pub(super) struct FilledBytes {
 
 impl FilledBytes {
     fn zeroed(size: usize) -> Self {
-        // The last value may reach beyond.
-        Self { bytes: vec![0; size.min(MOST_FILLED + size_of::<u64>())], size }
+        Self { bytes: vec![0; size], size }
     }
 
     /// All bytes.
-    pub(super) fn whole(mut self) -> Vec<u8> {
-        self.bytes.resize(self.size, 0);
+    pub(super) fn whole(self) -> Vec<u8> {
         self.bytes
     }
 
@@ -246,15 +251,22 @@ impl FilledBytes {
         Buffer::with_size(&self.bytes, self.size)
     }
 
-    /// The bytes at which no value begins any more.
-    fn end(&self) -> usize {
-        self.size.min(MOST_FILLED)
+    fn put(&mut self, offset: usize, size: usize, value: u64) {
+        let end = offset.saturating_add(size.min(8)).min(self.size);
+        if let Some(to) = self.bytes.get_mut(offset..end) {
+            to.copy_from_slice(&value.to_le_bytes()[..to.len()]);
+        }
     }
 
-    fn put(&mut self, offset: usize, size: usize, value: u64) {
-        let end = offset.saturating_add(size.min(8));
-        if let Some(to) = self.bytes.get_mut(offset..end) {
-            to.copy_from_slice(&value.to_le_bytes()[..size.min(8)]);
+    /// Repeats the bytes from an offset on, of so many elements, up to the end of an array.
+    fn repeat(&mut self, offset: usize, stride: usize, given: usize, length: usize) {
+        let end = length.saturating_mul(stride).saturating_add(offset).min(self.size);
+        let mut done = given.saturating_mul(stride);
+        let whole = end.saturating_sub(offset);
+        while done > 0 && done < whole {
+            let step = done.min(whole - done);
+            self.bytes.copy_within(offset..offset + step, offset + done);
+            done += step;
         }
     }
 }
@@ -366,14 +378,12 @@ impl<'a> Filler<'a> {
         self.made.add(self.module, size as u64)?;
         let mut bytes = FilledBytes::zeroed(size);
         (self.root, self.parts) = (place, MOST_PARTS);
-        for index in 0..count {
-            self.fill(layout, index * stride, mix(0, place), &mut bytes);
-        }
+        self.array(layout, count, stride, 0, mix(0, place), &mut bytes);
         Ok(bytes)
     }
 
     fn fill(&mut self, layout: Layout<'_>, offset: usize, place: PlaceId, out: &mut FilledBytes) {
-        if offset >= out.end() || self.parts == 0 {
+        if offset >= out.size || self.parts == 0 {
             return;
         }
         self.parts -= 1;
@@ -439,8 +449,11 @@ impl<'a> Filler<'a> {
     ) {
         for index in 0..length {
             let at = index.saturating_mul(stride).saturating_add(offset);
-            if at >= out.end() || self.parts == 0 {
-                break;
+            if at >= MOST_FILLED && index >= FIRST_ELEMENTS && index.is_multiple_of(3) {
+                return out.repeat(offset, stride, index, length);
+            }
+            if at >= out.size || self.parts == 0 {
+                return;
             }
             // All elements lead to the same memory: one place.
             self.fill(part, at, place, out);
@@ -459,7 +472,7 @@ impl<'a> Filler<'a> {
         let Type::Vector { component, count } = *self.module.ty(column) else { return };
         let float = self.module.ty(component);
         let scalar = layout.part(component).size();
-        let end = out.end();
+        let end = out.size;
         for at in 0..columns {
             for row in 0..count as usize {
                 if self.parts == 0 {
@@ -542,6 +555,19 @@ pub(super) fn mix(place: PlaceId, part: u64) -> PlaceId {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn an_array_repeats_its_first_elements_up_to_its_end() {
+        let mut bytes = FilledBytes { bytes: (1..=30).collect(), size: 30 };
+        // Two elements of three bytes, repeated up to the end of seven.
+        bytes.repeat(2, 3, 2, 7);
+        let six = [3, 4, 5, 6, 7, 8];
+        let wanted = [&[1, 2][..], &six, &six, &six, &six[..3], &[24, 25, 26, 27, 28, 29, 30]].concat();
+        assert_eq!(bytes.bytes, wanted);
+        // The buffer ends before the array does.
+        bytes.repeat(20, 4, 1, 9);
+        assert_eq!(bytes.bytes[20..], [3 + 2, 24, 25, 26, 5, 24, 25, 26, 5, 24]);
+    }
 
     #[test]
     fn three_small_integers_in_a_row_differ() {

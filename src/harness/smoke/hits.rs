@@ -2,11 +2,12 @@
 
 use std::sync::{Arc, OnceLock};
 
-use crate::accel::{Tlas, TraceRay};
+use crate::accel::{EndCaps, GeometryData, HitKind, Indexing, RayFlags, Tlas, TraceRay};
 use crate::error::Result;
 use crate::geometry::Ray;
-use crate::harness::hit::Hit;
+use crate::harness::hit::first_hit;
 use crate::harness::scene::{Instance, Scene};
+use crate::harness::smoke::sets::Set;
 use crate::machine;
 use crate::ops::pointer::storage;
 use crate::program::Program;
@@ -53,21 +54,125 @@ impl SmokeGeometry {
         }
     }
 
+    /// So many primitives, of which a ray meets the last one.
+    fn primitives(self, count: usize) -> Instance {
+        // The others lie far away, side by side.
+        let aside = |at: usize| if at + 1 == count { 0.0 } else { FAR_AWAY + 4.0 * at as f32 };
+        let moved = |at: usize, [x, y, z]: [f32; 3]| [x + aside(at), y, z];
+        match self {
+            Self::Triangle => {
+                let corners = [[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0]];
+                let all = (0..count).flat_map(|at| corners.map(|corner| moved(at, corner)));
+                Instance::triangles(all.collect::<Vec<_>>())
+            }
+            Self::Aabb => Instance::aabbs((0..count).map(|at| [moved(at, [-1.0; 3]), moved(at, [1.0; 3])])),
+            Self::Sphere => Instance::spheres((0..count).map(|at| (moved(at, [0.0; 3]), 1.0))),
+            Self::Lss => Instance::of(GeometryData::LinearSweptSpheres {
+                positions: (0..count)
+                    .flat_map(|at| [[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]].map(|end| moved(at, end)))
+                    .collect(),
+                radii: [1.0, 0.75].repeat(count),
+                indices: None,
+                indexing: Indexing::List,
+                end_caps: EndCaps::Chained,
+            }),
+        }
+    }
+
+    /// A structure of which a ray meets one primitive at a place; all are of cluster 0.
+    fn structure(self, place: &HitPlace) -> Result<Arc<Tlas>> {
+        let HitPlace { instance, geometry, primitive, custom_index, .. } = *place;
+        let aside = |at: u32| [FAR_AWAY + 4.0 * at as f32, FAR_AWAY, 0.0];
+        let others = (0..instance).map(|at| self.primitives(1).translate(aside(at)));
+        // The other geometries of the instance have a primitive each, far away.
+        let mut geometries = (0..geometry).map(|_| self.primitives(2));
+        let last = self.primitives(primitive as usize + 1);
+        let met = match geometries.next() {
+            Some(first) => geometries.fold(first, Instance::and).and(last),
+            None => last,
+        };
+        let all = others.chain([met.custom_index(custom_index)]);
+        Ok(Scene::new(all.map(|instance| instance.cluster_id(0)))?.tlas().clone())
+    }
+
     /// A hit: what, by which ray, at which t. From behind, a triangle shows its back.
     ///
     /// # Errors
     /// None: the geometry is known.
-    pub(super) fn hit(self, behind: bool) -> Result<(machine::TlasHit, TraceRay, f32)> {
-        let instance = match self {
-            Self::Triangle => Instance::triangle([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0]]),
-            Self::Aabb => Instance::aabb([-1.0; 3], [1.0; 3]),
-            Self::Sphere => Instance::sphere([0.0; 3], 1.0),
-            Self::Lss => Instance::lss([[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]], [1.0, 0.75]),
-        };
-        let resolved = Hit::of(instance.cluster_id(0)).ray(ray(behind)).resolve()?;
+    pub(super) fn hit(self, behind: bool, place: &HitPlace) -> Result<(machine::TlasHit, TraceRay, f32)> {
+        let tlas = self.structure(place)?;
+        let trace =
+            TraceRay { ray: ray(behind), flags: place.ray_flags, cull_mask: place.cull_mask, time: 0.0 };
+        let committed = first_hit(&tlas, trace).expect("bug in anyhit: a ray of smoke tests that misses");
         // What the box's intersection shader would have reported: its entry.
-        let t = if self == Self::Aabb { 2.0 } else { resolved.t };
-        Ok((resolved.hit, resolved.trace, t))
+        let (kind, t) = match self {
+            Self::Aabb => (place.hit_kind, 2.0),
+            _ => (committed.hit_kind, committed.t),
+        };
+        Ok((machine::TlasHit { tlas, candidate: committed.candidate, kind }, trace, t))
+    }
+}
+
+/// Where what a ray does not meet lies.
+const FAR_AWAY: f32 = 1e4;
+/// `LaunchIdKHR` and what else the host says of a hit come from this root of numbers.
+const ROOT: u64 = 0x4849_5400_0000;
+
+/// What a hit is numbered with, and the ray that found it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct HitPlace {
+    /// `InstanceId`
+    instance: u32,
+    /// `RayGeometryIndexKHR`
+    geometry: u32,
+    /// `PrimitiveId`
+    primitive: u32,
+    /// `InstanceCustomIndexKHR`
+    custom_index: u32,
+    /// `HitKindKHR` of a box: what its intersection shader reported.
+    hit_kind: HitKind,
+    /// `IncomingRayFlagsKHR`
+    pub ray_flags: RayFlags,
+    /// `CullMaskKHR`
+    pub cull_mask: u32,
+    /// `LaunchIdKHR`
+    pub launch_id: [u32; 3],
+}
+
+impl HitPlace {
+    /// The first of everything.
+    const FIRST: Self = Self {
+        instance: 0,
+        geometry: 0,
+        primitive: 0,
+        custom_index: 0,
+        hit_kind: HitKind(0),
+        ray_flags: RayFlags(0),
+        cull_mask: 0xFF,
+        launch_id: [0; 3],
+    };
+
+    /// That of a set of values, in a launch of a size.
+    pub(super) fn of(set: &Set, launch_size: [u32; 3]) -> Self {
+        if !set.varies_hits {
+            return Self::FIRST;
+        }
+        // At most what integers of memory are.
+        let number = |at: u64, most: u64| set.numbers.integer(ROOT, at).min(most) as u32;
+        let inside = |axis: usize| number(axis as u64, u64::MAX) % launch_size[axis].max(1);
+        // Flags that no hit shader's own existence denies, each as likely as not.
+        let flags = [RayFlags::NO_OPAQUE, RayFlags::TERMINATE_ON_FIRST_HIT];
+        let flags = flags.iter().enumerate().filter(|(at, _)| number(8 + *at as u64, 3) & 1 == 1);
+        Self {
+            instance: number(3, 3),
+            geometry: number(4, 3),
+            primitive: number(5, 1000),
+            custom_index: number(6, 1000),
+            hit_kind: HitKind(number(7, 0x7F)),
+            ray_flags: RayFlags(flags.fold(0, |all, (_, flag)| all | flag.0)),
+            cull_mask: if number(10, 3) & 1 == 1 { 1 } else { 0xFF },
+            launch_id: [0, 1, 2].map(inside),
+        }
     }
 }
 
@@ -77,13 +182,12 @@ pub(super) fn ray(behind: bool) -> Ray {
     Ray::new([0.25, 0.5, 3.0 * side], [0.0, 0.0, -side])
 }
 
-/// A structure with one box, for intersection shaders.
+/// A structure with a box at a place, for intersection shaders.
 ///
 /// # Errors
 /// None: the geometry is known.
-pub(super) fn one_box() -> Result<Arc<Tlas>> {
-    static BOX: OnceLock<Arc<Tlas>> = OnceLock::new();
-    cached(&BOX, || vec![Instance::aabbs([[[-1.0; 3], [1.0; 3]]])])
+pub(super) fn one_box(place: &HitPlace) -> Result<Arc<Tlas>> {
+    SmokeGeometry::Aabb.structure(place)
 }
 
 /// A structure with every kind of primitive, or with one alone, which shaders trace: walls in front

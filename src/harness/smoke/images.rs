@@ -16,6 +16,8 @@ use crate::ops::image::declared::declared_format;
 const SIDE: u32 = 16;
 /// Texels of an image at most, whatever there are invocations.
 const MOST_TEXELS: u64 = 1 << 20;
+/// `VK_SAMPLE_COUNT_64_BIT`
+const MOST_SAMPLES: u32 = 64;
 /// `Sampled` of an `OpTypeImage` that is used with a sampler: no valid module writes to it.
 const SAMPLED: u32 = 1;
 /// Bytes of the images that are kept.
@@ -113,15 +115,21 @@ fn shape(image: &ImageType, extent: FillExtent) -> Option<ImageShape> {
         return None;
     }
     let invocations = extent.invocations;
-    // Retries with larger resources: 4 and 16 times the side.
-    let side = SIDE << (extent.scale.images.ilog2() / 3 * 2);
+    // Retries with larger resources: 4 and 16 times the side, of a line 64 and 512 times.
+    let steps = extent.scale.images.ilog2() / 3;
+    let side = match (axes, steps) {
+        (1, 1..) => SIDE << (3 * steps + 3),
+        _ => SIDE << (2 * steps),
+    };
     let mut sides = [1; 3];
     for axis in 0..axes {
         sides[axis] = side.max(invocations[axis]);
     }
     let layers = match dimension {
-        Dimension::D1Array => layers.max(invocations[1]),
-        Dimension::D2Array => layers.max(invocations[2]),
+        Dimension::D1Array => layers.max(invocations[1]).max(layers * extent.scale.layers),
+        Dimension::D2Array => layers.max(invocations[2]).max(layers * extent.scale.layers),
+        // Whole cubes.
+        Dimension::CubeArray => layers * extent.scale.layers,
         _ => layers,
     };
     if dimension == Dimension::Buffer {
@@ -141,7 +149,7 @@ fn shape(image: &ImageType, extent: FillExtent) -> Option<ImageShape> {
             sides = [sides[0].min(sides[1]), sides[0].min(sides[1]), 1];
         }
     }
-    let samples = if image.multisampled { 4 } else { 1 };
+    let samples = if image.multisampled { (4 * extent.scale.samples).min(MOST_SAMPLES) } else { 1 };
     let one_level = image.sampled == 2 || image.multisampled || dimension == Dimension::Buffer;
     let levels = if one_level { 1 } else { sides.iter().max().map_or(1, |side| side.ilog2() + 1) };
     Some(ImageShape { dimension, extent: sides, layers, levels, samples })

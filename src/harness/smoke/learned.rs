@@ -1,6 +1,7 @@
 //! What is learned of a shader's memory from where it traps: which addresses lead to what, which
 //! resources are too small, which geometry it needs.
 
+use crate::error::TrapOperands;
 use crate::harness::smoke::fill::{FillContent, PlaceId, ResourceScale, WideIntegers, region_of};
 use crate::harness::smoke::hits::SmokeGeometry;
 use crate::harness::smoke::resources::Given;
@@ -47,7 +48,12 @@ pub(super) struct Learned {
 enum TooSmall {
     Buffer,
     Descriptors,
+    /// The side of an image, of which its levels follow.
     Image,
+    /// The layers of an image.
+    Layers,
+    /// The samples of an image.
+    Samples,
 }
 
 impl TooSmall {
@@ -57,6 +63,8 @@ impl TooSmall {
             Self::Buffer => &mut of.buffers,
             Self::Descriptors => &mut of.descriptors,
             Self::Image => &mut of.images,
+            Self::Layers => &mut of.layers,
+            Self::Samples => &mut of.samples,
         }
     }
 }
@@ -104,7 +112,7 @@ impl Learned {
             TrapCode::BufferOutOfBounds | TrapCode::AddressOutOfBounds => {
                 (trapped.fault_value & u64::from(u32::MAX) < MOST_OFFSET).then_some(TooSmall::Buffer)
             }
-            TrapCode::ImageOutOfBounds => Some(TooSmall::Image),
+            TrapCode::ImageOutOfBounds => Some(shader.too_small_of_image(trapped)),
             TrapCode::DescriptorMissing | TrapCode::IndexOutOfBounds => {
                 shader.has_runtime_descriptors().then_some(TooSmall::Descriptors)
             }
@@ -183,6 +191,42 @@ impl UsedMemory<'_> {
         let pointers = module.operand_ids(instruction).into_iter();
         let mut found = pointers.filter_map(|id| physical_pointer(module, base(module, id)));
         found.next().map(FillContent::Pointer)
+    }
+
+    /// What of an image an access goes beyond.
+    fn too_small_of_image(&self, trapped: &Trapped) -> TooSmall {
+        let Some(TrapOperands::Texel { image, coordinate, extent, sample, samples, .. }) =
+            trapped.error.trap().map(|trap| &trap.operands)
+        else {
+            return TooSmall::Image;
+        };
+        if sample >= samples {
+            return TooSmall::Samples;
+        }
+        let inside = |(at, side): (&i64, &u32)| (0..i64::from(*side)).contains(at);
+        let sides_fit = coordinate.iter().zip(extent).rev().skip(1).all(inside);
+        let last_fits = coordinate.iter().zip(extent).next_back().is_none_or(inside);
+        match image.as_ref().is_some_and(|image| self.has_layers(image.set, image.binding)) {
+            true if sides_fit && !last_fits => TooSmall::Layers,
+            _ => TooSmall::Image,
+        }
+    }
+
+    /// Whether the images at a binding have layers, whose number is the last coordinate.
+    fn has_layers(&self, set: u32, binding: u32) -> bool {
+        let here = |variable: &&InterfaceVariable| {
+            (variable.descriptor_set, variable.binding) == (Some(set), Some(binding))
+        };
+        self.variables.iter().filter(here).filter_map(|variable| variable.ty).any(|mut ty| {
+            loop {
+                ty = match *self.module.ty(ty) {
+                    Type::Array { element, .. } | Type::RuntimeArray { element, .. } => element,
+                    Type::SampledImage(image) => image,
+                    Type::Image(ref image) => return image.arrayed,
+                    _ => return false,
+                };
+            }
+        })
     }
 
     /// Whether there are arrays of descriptors without a length.

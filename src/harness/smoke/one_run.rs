@@ -2,11 +2,11 @@
 
 use std::sync::Arc;
 
-use crate::accel::{RayFlags, TraceRay};
+use crate::accel::TraceRay;
 use crate::error::Result;
 use crate::geometry::Ray;
 use crate::harness::smoke::grid::groups;
-use crate::harness::smoke::hits::{self, SmokeGeometry};
+use crate::harness::smoke::hits::{self, HitPlace, SmokeGeometry};
 use crate::harness::smoke::resources::Given;
 use crate::harness::smoke::sets::Set;
 use crate::harness::smoke::watch::StandIn;
@@ -120,7 +120,9 @@ impl Once<'_> {
         sbt.callable.resize_with(RECORDS, || None);
         let pipeline = builder.build()?;
         let launch = Launch { pipeline: &pipeline, resources: &given.resources };
+        let place = HitPlace::of(&set, launch_size);
         let mut invocation = Invocation {
+            launch_id: place.launch_id,
             launch_size,
             record: SbtRecord::with_data(0, &given.record).shader_record(),
             depth: 1,
@@ -132,11 +134,12 @@ impl Once<'_> {
         let ended = match way {
             Way::Launch => launch.run_single_threaded::<LANES>(launch_size, stand_in, observer)?,
             Way::Box => {
-                let operands = RayOperands::from(hits::ray(set.behind));
-                launch.trace_single::<LANES>(&hits::one_box()?, operands, stand_in, observer)?
+                let mut operands = RayOperands::from(hits::ray(set.behind));
+                (operands.trace.flags, operands.trace.cull_mask) = (place.ray_flags, place.cull_mask);
+                launch.trace_single::<LANES>(&hits::one_box(&place)?, operands, stand_in, observer)?
             }
             Way::Hit(kind) => {
-                let (hit, trace, t) = kind.hit(set.behind)?;
+                let (hit, trace, t) = kind.hit(set.behind, &place)?;
                 (invocation.hit, invocation.trace, invocation.t_max) = (Some(hit), Some(trace), t);
                 let attributes = match (&invocation.hit, kind) {
                     (_, SmokeGeometry::Aabb) | (None, _) => given.attributes.clone(),
@@ -146,7 +149,8 @@ impl Once<'_> {
             }
             Way::Miss => {
                 let ray = Ray::new([0.25, 0.5, 3.0], [0.6, 0.0, 0.8]).with_interval(0.0, 1000.0);
-                let trace = TraceRay { ray, flags: RayFlags(0), cull_mask: 0xFF, time: 0.0 };
+                let (flags, cull_mask) = (place.ray_flags, place.cull_mask);
+                let trace = TraceRay { ray, flags, cull_mask, time: 0.0 };
                 (invocation.trace, invocation.t_max) = (Some(trace), ray.t_max);
                 launch.invoke::<LANES>(shader, invocation, &given.payload, &[], stand_in, observer)?
             }

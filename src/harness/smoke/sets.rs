@@ -11,6 +11,9 @@ pub(super) struct Set {
     pub numbers: ValueSource,
     /// Whether geometry is hit from behind.
     pub behind: bool,
+    /// Whether what is hit, called or missed is not the first of everything: its numbers follow from
+    /// `numbers`, too.
+    pub varies_hits: bool,
     /// Which of the specialized programs runs; 0 has the defaults.
     pub specialization: usize,
 }
@@ -40,15 +43,15 @@ impl Set {
 
     /// The one at a place of the order: always the same for a seed.
     pub(super) fn nth(at: usize, seed: u64, specialized: usize) -> Self {
-        let (numbers, specialization) = match at.checked_sub(FIXED.len()) {
-            None => (FIXED[at], 0),
-            Some(other) if other < specialized => (FIXED[0], other + 1),
+        let (numbers, specialization, varies_hits) = match at.checked_sub(FIXED.len()) {
+            None => (FIXED[at], 0, at > 0),
+            Some(other) if other < specialized => (FIXED[0], other + 1, false),
             Some(other) => {
                 let fresh = other - specialized;
                 let integers = if fresh.is_multiple_of(2) { Integers::Small } else { Integers::Mixed };
                 let floats = if (fresh / 2).is_multiple_of(2) { Floats::Unit } else { Floats::Signed };
                 let numbers = (fresh % 3 == 2, 3 + fresh as u64, integers, floats, fresh.is_multiple_of(2));
-                (numbers, fresh % (specialized + 1))
+                (numbers, fresh % (specialized + 1), true)
             }
         };
         let (is_single, next, integers, floats, behind) = numbers;
@@ -56,6 +59,7 @@ impl Set {
             is_single,
             numbers: ValueSource { seed: seed.wrapping_add(next), integers, floats },
             behind,
+            varies_hits,
             specialization,
         }
     }

@@ -107,7 +107,7 @@ pub(super) fn run<P: Probe>(
                 probe.borrow_mut().begin(RunPart::Dispatch(first));
                 let outcome = dispatch.compute.run_one_lane_observed(
                     &resources,
-                    dispatch.groups,
+                    dispatch.groups(&resources),
                     &mut ProbeObserver { probe: &probe, first },
                 );
                 collect(probe.into_inner());
@@ -127,7 +127,8 @@ fn watch_launch<P: Probe>(
     collect: &mut dyn FnMut(P),
 ) -> Result<()> {
     check_single_lane(run.pipeline)?;
-    let done = in_tasks(&run, launch.size, |_, ids| {
+    let size = launch.size(run.resources);
+    let done = in_tasks(&run, size, |_, ids| {
         let probe = RefCell::new(make_probe());
         let mut outcome = Ok(());
         for id in ids {
@@ -135,7 +136,7 @@ fn watch_launch<P: Probe>(
             let mut sink = |event: Event| probe.borrow_mut().event(&event);
             let first = probe.borrow().first_program();
             let mut observer = ProbeObserver { probe: &probe, first };
-            outcome = run.run_one(id, launch.size, Some(&mut sink), Some(&mut observer)).map(|_| ());
+            outcome = run.run_one(id, size, Some(&mut sink), Some(&mut observer)).map(|_| ());
             if outcome.is_err() {
                 break;
             }
@@ -179,7 +180,9 @@ pub(super) fn run_one<P: Probe>(
         let mut observer = ProbeObserver { probe: &probe, first };
         let (sink, observer) = (Some(&mut sink as _), Some(&mut observer as _));
         match &which.what {
-            SingleRun::Pixel(id) => launch.run_one(*id, single.size, sink, observer).map(|_| ()),
+            SingleRun::Pixel(id) => {
+                launch.run_one(*id, single.size_in(&resources), sink, observer).map(|_| ())
+            }
             SingleRun::Ray(given) => {
                 let Some((_, tlas)) = scene.tlas.first() else {
                     let message = "a ray needs a scene with instances";

@@ -7,7 +7,8 @@ use crate::scene::instance_entry::InstanceEntry;
 use crate::scene::mesh::material::{Material, TextureSlot};
 use crate::scene::mesh::model::Part;
 use crate::scene::mesh_piece::SceneMeshes;
-use crate::scene::read::{Named, Parse, Spanned, Table, TomlValue};
+use crate::scene::read::{Named, Parse, Span, Spanned, Table, TomlValue};
+use crate::scene::scalar::{Rows, Scalar};
 use crate::scene::transform_entry::matrix_of;
 use crate::scene::tree::Toml;
 
@@ -17,6 +18,8 @@ pub(super) trait ColumnKind: Named + PartialEq {
     fn size(self) -> u64;
     /// The columns that count something, from 0.
     const NUMBERS: &'static [Self];
+    /// True of one whole number.
+    fn is_integer(self) -> bool;
 }
 
 /// A column of a table.
@@ -24,15 +27,58 @@ pub(super) trait ColumnKind: Named + PartialEq {
 pub(super) enum Column<K> {
     /// What the row itself has.
     Own(K),
+    /// A whole number that the row itself has, as another type.
+    Narrow { kind: K, width: IntegerWidth },
     /// The address of the element of a buffer that the row's number `by` counts to.
     Address { of: AddressOf, stride: u64, by: K },
+    /// Bytes of the scene's own, the same in every row.
+    Constant(Vec<u8>),
+    /// Bytes of the scene's own for each row.
+    Given { rows: Vec<Vec<u8>>, span: Span },
+}
+
+/// The type of a column of whole numbers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum IntegerWidth {
+    U8,
+    U16,
+    U32,
+    U64,
+}
+
+impl Named for IntegerWidth {
+    const WHAT: &'static str = "type of a column";
+    const NAMES: &'static [(&'static str, Self)] =
+        &[("u8", Self::U8), ("u16", Self::U16), ("u32", Self::U32), ("u64", Self::U64)];
+}
+
+impl IntegerWidth {
+    fn bytes(self) -> usize {
+        match self {
+            Self::U8 => 1,
+            Self::U16 => 2,
+            Self::U32 => 4,
+            Self::U64 => 8,
+        }
+    }
+
+    /// The bytes of a number, all ones for what is not there; `None` where it does not fit, as what
+    /// would be all ones does not.
+    pub(super) fn encode(self, number: u32) -> Option<Vec<u8>> {
+        let wide = if number == NOTHING { u64::MAX } else { u64::from(number) };
+        let most = u64::MAX >> (64 - 8 * self.bytes());
+        (number == NOTHING || wide < most).then(|| wide.to_le_bytes()[..self.bytes()].to_vec())
+    }
 }
 
 impl<K: ColumnKind> Column<K> {
     pub(super) fn size(&self) -> u64 {
         match self {
             Self::Own(kind) => kind.size(),
+            Self::Narrow { width, .. } => width.bytes() as u64,
             Self::Address { .. } => 8,
+            Self::Constant(bytes) => bytes.len() as u64,
+            Self::Given { rows, .. } => rows.first().map_or(0, Vec::len) as u64,
         }
     }
 }
@@ -43,6 +89,30 @@ impl<K: ColumnKind> Parse for Column<K> {
             return K::parse(value).map(Self::Own);
         }
         let table = Table::new(value)?;
+        let mut given: Vec<Rows> = Scalar::ALL.iter().filter_map(|scalar| scalar.rows(&table)).collect();
+        given.extend(table.optional::<RowOfEvery>("every").map(|every| Rows::Every(every.0)));
+        given.extend(table.optional::<u16>("zeros").map(|count| Rows::Every(vec![0; count.into()])));
+        let is_own = ["every", "zeros"].into_iter().chain(Scalar::ALL.map(Scalar::name));
+        if is_own.into_iter().any(|key| table.has(key)) {
+            table.finish();
+            return match <[Rows; 1]>::try_from(given) {
+                Ok([Rows::Every(bytes)]) => Some(Self::Constant(bytes)),
+                Ok([Rows::Each(rows)]) => Some(Self::Given { rows, span: value.span() }),
+                // A mistake in it is reported already.
+                Err(none) if none.is_empty() => None,
+                Err(_) => value.wrong("a column has numbers of one type"),
+            };
+        }
+        if table.has("column") {
+            let (kind, width) = (table.required::<Spanned<K>>("column"), table.required("type"));
+            table.finish();
+            let (Spanned { value: kind, span }, width) = (kind?, width?);
+            if !kind.is_integer() {
+                value.report().push(span.error("`type` is of a column of whole numbers"));
+                return None;
+            }
+            return Some(Self::Narrow { kind, width });
+        }
         let target = table.required::<Spanned<String>>("address_of");
         let by = table.required::<Spanned<K>>("by");
         let stride = table.required::<Spanned<u64>>("stride");
@@ -66,10 +136,27 @@ impl<K: ColumnKind> Parse for Column<K> {
     }
 }
 
+/// The bytes of one row of the scene's own, in a table: `{ f32 = [0, 0, 1] }`.
+struct RowOfEvery(Vec<u8>);
+
+impl Parse for RowOfEvery {
+    fn parse(value: TomlValue<'_>) -> Option<Self> {
+        let table = Table::new(value)?;
+        let given: Vec<Vec<u8>> = Scalar::ALL.iter().filter_map(|scalar| scalar.column(&table)).collect();
+        let has_one = Scalar::ALL.iter().any(|scalar| table.has(scalar.name()));
+        table.finish();
+        match <[Vec<u8>; 1]>::try_from(given) {
+            Ok([bytes]) => Some(Self(bytes)),
+            Err(none) if none.is_empty() && has_one => None,
+            Err(_) => value.wrong("one list of numbers with their type, such as `{ f32 = [0, 0, 1] }`"),
+        }
+    }
+}
+
 /// Writes the enum of a table's columns from a row each, name and bytes, and from a list of those
 /// that count.
 macro_rules! columns {
-    ($name:ident $what:literal counts [$($number:ident)*] $($variant:ident $text:literal $size:literal;)*) => {
+    ($name:ident $what:literal counts [$($number:ident)*] floats [$($float:ident)*] $($variant:ident $text:literal $size:literal;)*) => {
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         pub(super) enum $name {
             $($variant,)*
@@ -88,6 +175,11 @@ macro_rules! columns {
                     $(Self::$variant => $size,)*
                 }
             }
+
+            fn is_integer(self) -> bool {
+                const FLOATS: &[$name] = &[$($name::$float),*];
+                self.size() == 4 && !FLOATS.contains(&self)
+            }
         }
     };
 }
@@ -95,6 +187,7 @@ macro_rules! columns {
 columns! {
     InstanceColumn "column of the table of instances"
     counts [Mesh Geometry Material CustomIndex SbtOffset]
+    floats []
     ObjectToWorld "object_to_world" 64;
     WorldToObject "world_to_object" 64;
     ObjectToWorldRows "object_to_world_3x4" 48;
@@ -123,6 +216,7 @@ impl InstanceColumn {
 columns! {
     GeometryColumn "column of the table of geometries"
     counts [FirstVertex FirstIndex FirstTriangle Mesh Material]
+    floats []
     FirstVertex "first_vertex" 4;
     VertexCount "vertex_count" 4;
     FirstIndex "first_index" 4;
@@ -150,6 +244,10 @@ columns! {
     counts [
         BaseColorTexture MetallicRoughnessTexture NormalTexture
         OcclusionTexture EmissiveTexture SpecularTexture AlphaTexture
+    ]
+    floats [
+        EmissiveStrength Metallic Roughness AlphaCutoff NormalScale OcclusionStrength Ior Transmission Shininess
+        Dissolve
     ]
     BaseColor "base_color" 16;
     Emissive "emissive" 12;
@@ -205,25 +303,96 @@ impl MaterialColumn {
     ];
 }
 
+/// A column of a row that has a material: its own, or one of the material.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum WithMaterial<K> {
+    /// Of the row itself.
+    Row(K),
+    /// Of the row's material.
+    Material(MaterialColumn),
+}
+
+/// The names and numbers of a kind of column and of those of materials.
+macro_rules! with_material {
+    ($($kind:ident)*) => {
+        $(impl Named for WithMaterial<$kind> {
+            const WHAT: &'static str = $kind::WHAT;
+            const NAMES: &'static [(&'static str, Self)] = &{
+                // Both end with the padding.
+                const COUNT: usize = $kind::NAMES.len() + MaterialColumn::NAMES.len() - 1;
+                let mut all = [("padding", Self::Row($kind::Padding)); COUNT];
+                let mut at = 0;
+                while at < $kind::NAMES.len() - 1 {
+                    all[at] = ($kind::NAMES[at].0, Self::Row($kind::NAMES[at].1));
+                    at += 1;
+                }
+                while at < COUNT - 1 {
+                    let (name, column) = MaterialColumn::NAMES[at + 1 - $kind::NAMES.len()];
+                    all[at] = (name, Self::Material(column));
+                    at += 1;
+                }
+                all
+            };
+        }
+
+        impl ColumnKind for WithMaterial<$kind> {
+            const NUMBERS: &'static [Self] = &{
+                const COUNT: usize = $kind::NUMBERS.len() + MaterialColumn::NUMBERS.len();
+                let mut all = [Self::Row($kind::Padding); COUNT];
+                let mut at = 0;
+                while at < COUNT {
+                    all[at] = match at < $kind::NUMBERS.len() {
+                        true => Self::Row($kind::NUMBERS[at]),
+                        false => Self::Material(MaterialColumn::NUMBERS[at - $kind::NUMBERS.len()]),
+                    };
+                    at += 1;
+                }
+                all
+            };
+
+            fn size(self) -> u64 {
+                match self {
+                    Self::Row(kind) => kind.size(),
+                    Self::Material(column) => column.size(),
+                }
+            }
+
+            fn is_integer(self) -> bool {
+                match self {
+                    Self::Row(kind) => kind.is_integer(),
+                    Self::Material(column) => column.is_integer(),
+                }
+            }
+        })*
+    };
+}
+
+with_material! { InstanceColumn GeometryColumn }
+
 /// What stands in a table for something that is not there.
 pub(super) const NOTHING: u32 = u32::MAX;
 
-/// The place of a geometry in its file.
+/// The place of a geometry in its file, and its material.
 #[derive(Clone, Copy)]
-pub(super) struct PlaceInFile {
+pub(super) struct PlaceInFile<'m> {
     mesh: u32,
     part: u32,
     material: u32,
+    look: &'m Material,
 }
 
 /// The place of each geometry that is one part of a file.
-pub(super) fn places<'m>(meshes: &SceneMeshes<'m>) -> HashMap<&'m str, PlaceInFile> {
+pub(super) fn places<'m>(meshes: &SceneMeshes<'m>) -> HashMap<&'m str, PlaceInFile<'m>> {
     let mut places = HashMap::new();
     for selection in meshes.names.values().flatten() {
         let [part] = selection.parts[..] else { continue };
         let found = &selection.model.parts[part];
-        let place =
-            PlaceInFile { mesh: found.mesh as u32, part: part as u32, material: found.material as u32 };
+        let place = PlaceInFile {
+            mesh: found.mesh as u32,
+            part: part as u32,
+            material: found.material as u32,
+            look: &selection.model.materials[found.material],
+        };
         places.extend(selection.geometries.iter().map(|name| (name.as_str(), place)));
     }
     places
@@ -232,12 +401,17 @@ pub(super) fn places<'m>(meshes: &SceneMeshes<'m>) -> HashMap<&'m str, PlaceInFi
 /// Appends what an instance has in a column.
 pub(super) fn instance(
     entry: &InstanceEntry,
-    column: InstanceColumn,
-    places: &HashMap<&str, PlaceInFile>,
+    column: WithMaterial<InstanceColumn>,
+    places: &HashMap<&str, PlaceInFile<'_>>,
     bytes: &mut Vec<u8>,
 ) {
     let place = entry.geometry.first().and_then(|name| places.get(name.value.as_str()));
-    let word = |of: fn(&PlaceInFile) -> u32| place.map_or(NOTHING, of).to_le_bytes();
+    let word = |of: fn(&PlaceInFile<'_>) -> u32| place.map_or(NOTHING, of).to_le_bytes();
+    let column = match (column, place) {
+        (WithMaterial::Row(column), _) => column,
+        (WithMaterial::Material(column), Some(place)) => return material(place.look, column, bytes),
+        (WithMaterial::Material(column), None) => return material(&Material::default(), column, bytes),
+    };
     match column {
         InstanceColumn::ObjectToWorld => square(&entry.transform, bytes),
         InstanceColumn::WorldToObject => square(&inverse(&entry.transform), bytes),
@@ -272,9 +446,20 @@ fn inverse(rows: &[[f32; 4]; 3]) -> [[f32; 4]; 3] {
     [back.x_axis, back.y_axis, back.z_axis].map(|row| row.as_vec4().to_array())
 }
 
-/// Appends what a geometry has in a column, behind so many vertices and triangles of others.
-pub(super) fn geometry(part: &Part, column: GeometryColumn, before: [usize; 2], bytes: &mut Vec<u8>) {
+/// Appends what a geometry with its material has in a column, behind so many vertices and triangles
+/// of others.
+pub(super) fn geometry(
+    part: &Part,
+    look: &Material,
+    column: WithMaterial<GeometryColumn>,
+    before: [usize; 2],
+    bytes: &mut Vec<u8>,
+) {
     let [vertices, triangles] = before;
+    let column = match column {
+        WithMaterial::Row(column) => column,
+        WithMaterial::Material(column) => return material(look, column, bytes),
+    };
     let word = match column {
         GeometryColumn::FirstVertex => vertices,
         GeometryColumn::VertexCount => part.vertices,

@@ -14,6 +14,7 @@ use crate::scene::address_entry::AddressChoice;
 use crate::scene::descriptor_kind::DescriptorKind;
 use crate::scene::read::Spanned;
 use crate::scene::resolve::Resolver;
+use crate::scene::resolve::kept_places::KeptPlace;
 use crate::scene::resolve::modules::SceneModules;
 use crate::scene::resolve::views::Viewed;
 use crate::scene::resolved::{ResolvedBinding, ResolvedGroup, UnboundBuffer};
@@ -46,7 +47,9 @@ impl Resolver<'_> {
                 self.report.push(error.at_with(other, "the other one"));
             }
             let Some(elements) = self.report.keep(self.elements(&content.contents)) else { continue };
-            let length = lengths.entry([content.set, content.binding]).or_default();
+            // A scene that is refused for its bindings is read to its end.
+            let Some(kept) = self.kept_places.get(&entry.name.value) else { continue };
+            let length = lengths.entry(kept.at).or_default();
             let count = content.element.saturating_add(elements.len() as u32);
             if count > 1 << ELEMENT_BITS {
                 self.report.push(too_many_elements(&entry.name.span));
@@ -59,18 +62,22 @@ impl Resolver<'_> {
                 continue;
             }
             for (at, element) in (content.element..).zip(elements) {
-                let key = [content.set, content.binding, at];
+                let key = [kept.at[0], kept.at[1], at];
                 if let Some(other) = taken.get(&key) {
                     let message =
                         format!("two resources at set {}, binding {}", content.set, content.binding);
                     let error = entry.name.span.error(message);
-                    self.report.push(error.at_with(other.clone(), "the other one"));
+                    let error = error.at_with(other.clone(), "the other one");
+                    self.report.push(error.note(
+                        "`passes` of a resource lists the passes that find it; those of other types are for the \
+                         shaders that declare these",
+                    ));
                 }
                 let binding = Binding { set: content.set, binding: content.binding };
                 if let Content::View(view) = &*element {
                     views.push((&entry.name, content, at, view.clone()));
-                } else if let Some(resource) = self.resource(binding, &element, tlas) {
-                    bindings.push(bound(&entry.name, content, at, &element, resource));
+                } else if let Some(resource) = self.resource(binding, kept, &element, tlas) {
+                    bindings.push(bound(&entry.name, content, kept, at, &element, resource));
                 } else {
                     continue;
                 }
@@ -79,9 +86,10 @@ impl Resolver<'_> {
         }
         // What a view is of may come after it.
         let viewed = Viewed { bound: &bindings, unbound };
-        let view = |(name, entry, at, view)| {
+        let view = |(name, entry, at, view): (&Spanned<String>, &ResourceEntry, u32, ViewEntry)| {
             let resource = self.view(&view, &viewed)?;
-            Some(bound(name, entry, at, &Content::View(view), resource))
+            let kept = self.kept_places.get(&name.value)?;
+            Some(bound(name, entry, kept, at, &Content::View(view), resource))
         };
         let views: Vec<ResolvedBinding> = views.into_iter().filter_map(view).collect();
         bindings.extend(views);
@@ -159,13 +167,15 @@ impl Resolver<'_> {
     fn resource(
         &self,
         binding: Binding,
+        kept: &KeptPlace,
         content: &Content,
         tlas: &[(String, Option<Arc<Tlas>>)],
     ) -> Option<Resource> {
         match content {
             Content::Buffer(kind, entry) => {
+                let readers: Vec<_> = kept.readers.iter().collect();
                 let (modules, block) =
-                    (SceneModules { resolver: self, own: &[] }, DataBlock::Buffer(binding));
+                    (SceneModules { resolver: self, own: &readers }, DataBlock::Buffer(binding));
                 let data = self.report.keep(entry.load(&self.sources(), &modules, Some(block)))?;
                 Some(match kind {
                     DescriptorKind::UniformBuffer => Resource::UniformBuffer(data),
@@ -221,6 +231,7 @@ impl Resolver<'_> {
 fn bound(
     name: &Spanned<String>,
     entry: &ResourceEntry,
+    kept: &KeptPlace,
     element: u32,
     content: &Content,
     resource: Resource,
@@ -231,12 +242,27 @@ fn bound(
         0 => (name.value.clone(), entry.output),
         at => (format!("{}[{at}]", name.value), None),
     };
+    let keeps_alpha = entry.keeps_alpha;
     let address = match content {
         Content::Buffer(_, buffer) => buffer.address.clone(),
         _ => AddressChoice::Unsaid,
     };
-    let ResourceEntry { set, binding, .. } = *entry;
-    ResolvedBinding { name, set, binding, element, resource, address, output, place }
+    let [set, binding] = kept.at;
+    let declared_at = [entry.set, entry.binding];
+    let passes = kept.passes.clone();
+    ResolvedBinding {
+        name,
+        set,
+        binding,
+        declared_at,
+        passes,
+        element,
+        resource,
+        address,
+        output,
+        keeps_alpha,
+        place,
+    }
 }
 
 #[cfg(test)]

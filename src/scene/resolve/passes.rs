@@ -8,12 +8,12 @@ use crate::machine::{LaunchFuel, LaunchLimits};
 use crate::program::struct_lookup::DataBlock;
 use crate::scene::descriptor_kind::DescriptorKind;
 use crate::scene::file::{GeneralEntry, HitEntry, PipelineEntry, RayEntry};
-use crate::scene::pass_entry::{DispatchEntry, PassEntry, PassKey, PassWorkEntry};
+use crate::scene::pass_entry::{DispatchEntry, PassEntry, PassKey, PassWorkEntry, SizeEntry};
 use crate::scene::read::{Spanned, unknown_name};
 use crate::scene::resolve::Resolver;
 use crate::scene::resolved::{
-    Rebinding, RebindingSource, ResolvedDispatch, ResolvedGroup, ResolvedHitGroup, ResolvedPass,
-    ResolvedPassWork, ResolvedPipeline, ResolvedRecord, ResolvedShader, ShaderBindingTable,
+    IndirectSize, Rebinding, RebindingSource, ResolvedDispatch, ResolvedGroup, ResolvedHitGroup,
+    ResolvedPass, ResolvedPassWork, ResolvedPipeline, ResolvedRecord, ResolvedShader, ShaderBindingTable,
 };
 use crate::scene::resources::{Content, ResourceEntry};
 
@@ -94,7 +94,7 @@ impl Resolver<'_> {
     }
 
     /// The shaders of the pipeline that a pass names.
-    fn pass_shaders(&self, pipeline: Option<&Spanned<String>>) -> Vec<Spanned<String>> {
+    pub(super) fn pass_shaders(&self, pipeline: Option<&Spanned<String>>) -> Vec<Spanned<String>> {
         let entry = match pipeline {
             None => self.pipeline.as_ref(),
             Some(name) => {
@@ -114,7 +114,47 @@ impl Resolver<'_> {
         let own = [&entry.shader];
         let push_constants = entry.push_constants.as_ref();
         let push_constants = push_constants.map(|data| self.data(Some(data), DataBlock::PushConstants, &own));
-        Some(ResolvedDispatch { shader, groups: entry.groups, push_constants })
+        let (groups, indirect) = self.size(&entry.groups)?;
+        Some(ResolvedDispatch { shader, groups, indirect, push_constants })
+    }
+
+    /// The size of a dispatch or launch, and where it is read if a buffer holds it; `None` where
+    /// that is reported as a mistake.
+    fn size(&self, entry: &SizeEntry) -> Option<([u32; 3], Option<IndirectSize>)> {
+        let (buffer, offset) = match entry {
+            SizeEntry::Given(size) => return Some((*size, None)),
+            SizeEntry::InBuffer { buffer, offset } => (buffer, offset),
+        };
+        let found = self.find(&self.resource_entries, buffer, "resource")?;
+        if class(found) != A_BUFFER || matches!(found.contents[..], [Content::Null(_)]) {
+            let message = format!("`{}` is {}: a size is read from a buffer", buffer.value, class(found));
+            self.report.push(buffer.span.error(message).at_with(found.span.place(), "declared here"));
+            return None;
+        }
+        let place = offset.as_ref().map_or_else(|| buffer.span.place(), |offset| offset.span.place());
+        let offset = match offset {
+            Some(Spanned { value, span }) if !value.is_multiple_of(4) => {
+                let message = format!("{value} is no multiple of 4 bytes");
+                self.report.push(span.error(message).note(
+                    "VUID-vkCmdDispatchIndirect-offset-02710, \
+                     VUID-vkCmdTraceRaysIndirectKHR-indirectDeviceAddress-03634",
+                ));
+                return None;
+            }
+            offset => offset.as_ref().map_or(0, |offset| offset.value),
+        };
+        let source = self.source_of(buffer, found);
+        Some(([1; 3], Some(IndirectSize { buffer: buffer.value.clone(), source, offset, place })))
+    }
+
+    /// Where a resource is kept.
+    fn source_of(&self, name: &Spanned<String>, entry: &ResourceEntry) -> RebindingSource {
+        if is_unbound(entry) {
+            return RebindingSource::Unbound(name.value.clone());
+        }
+        let kept = self.kept_places.get(&name.value);
+        let [set, binding] = kept.map_or([entry.set, entry.binding], |kept| kept.at);
+        RebindingSource::Bound([set, binding, entry.element])
     }
 
     /// Resolves the passes of `[[pass]]`; their dispatches are the scene's.
@@ -142,11 +182,15 @@ impl Resolver<'_> {
                     });
                     let Some(pipeline) = self.pass_pipeline(pipeline.as_ref(), pipelines) else { continue };
                     let Some(index) = self.raygen_record(entry, pipeline, raygen.as_ref()) else { continue };
-                    let size = size.unwrap_or_else(|| {
-                        self.note_default_launch(&format!(" of pass {}", passes.len()));
-                        self.launch
-                    });
-                    ResolvedPassWork::Launch { pipeline, raygen: index, size, push_constants }
+                    let size = match size {
+                        Some(size) => self.size(size),
+                        None => {
+                            self.note_default_launch(&format!(" of pass {}", passes.len()));
+                            Some((self.launch, None))
+                        }
+                    };
+                    let Some((size, indirect)) = size else { continue };
+                    ResolvedPassWork::Launch { pipeline, raygen: index, size, indirect, push_constants }
                 }
                 PassWorkEntry::Dispatch(entry) => {
                     let Some(dispatch) = self.dispatch(entry) else { continue };
@@ -241,7 +285,6 @@ impl Resolver<'_> {
         let find = |name: &Spanned<String>| self.find(&self.resource_entries, name, "resource");
         let (bound, other) = (find(at), find(source));
         let (bound, other) = (bound?, other?);
-        let place = |one: &ResourceEntry| [one.set, one.binding, one.element];
         if is_unbound(bound) {
             let message =
                 format!("`{}` is bound nowhere, so that no pass finds anything else there", at.value);
@@ -256,11 +299,8 @@ impl Resolver<'_> {
             let message = format!("`{}` is {found}, and `{}` is {wanted}", source.value, at.value);
             return Some(Err(source.span.error(message).at_with(bound.span.place(), "what is bound")));
         }
-        let source = match is_unbound(other) {
-            true => RebindingSource::Unbound(source.value.clone()),
-            false => RebindingSource::Bound(place(other)),
-        };
-        Some(Ok(Rebinding { at: place(bound), source }))
+        let source = self.source_of(source, other);
+        Some(Ok(Rebinding { at: [bound.set, bound.binding, bound.element], source }))
     }
 
     /// Checks that pixels are inside the launches that their rays are of, and that there are such
@@ -368,6 +408,8 @@ fn is_unbound(entry: &ResourceEntry) -> bool {
     matches!(entry.contents[..], [Content::Buffer(DescriptorKind::Unbound, _)])
 }
 
+const A_BUFFER: &str = "a buffer";
+
 const ARRAY: &str = "an array of descriptors";
 
 /// What a resource is: one of the same kind may stand in its descriptor. Whether an image is stored
@@ -385,7 +427,7 @@ fn class(entry: &ResourceEntry) -> &'static str {
         | DescriptorKind::UniformBuffer
         | DescriptorKind::StorageBufferDynamic
         | DescriptorKind::UniformBufferDynamic
-        | DescriptorKind::Unbound => "a buffer",
+        | DescriptorKind::Unbound => A_BUFFER,
         DescriptorKind::StorageImage
         | DescriptorKind::SampledImage
         | DescriptorKind::CombinedImageSampler => "an image",
