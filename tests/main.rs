@@ -86,9 +86,13 @@ mod scene_init;
 mod scene_schema;
 mod shares;
 mod shares_recipes;
+#[cfg(feature = "wgsl")]
+mod sizes_in_buffers;
 mod skips;
 mod skips_payload;
 mod smoke;
+#[cfg(feature = "wgsl")]
+mod smoke_values;
 mod source_variables;
 mod stability;
 #[cfg(feature = "stress")]
@@ -106,3 +110,5 @@ mod traversal_rules;
 mod unit_test;
 mod verdict;
 mod verify;
+#[cfg(feature = "wgsl")]
+mod wgsl_values;

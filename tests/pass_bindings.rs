@@ -11,11 +11,11 @@ const OF_BUFFER: &str = "struct A { a: f32, rest: f32 }
     @group(0) @binding(0) var<storage, read_write> o: array<f32, 4>;
     @group(0) @binding(1) var<storage, read> a: A;
     @compute @workgroup_size(1) fn main() { o[0] += a.a; }";
-/// The same of an image there.
+/// A shader that copies a texel of an image there.
 const OF_IMAGE: &str = "@group(0) @binding(0) var<storage, read_write> o: array<f32, 4>;
     @group(0) @binding(1) var b: texture_2d<f32>;
     @compute @workgroup_size(1) fn main() { o[1] += textureLoad(b, vec2(0), 0).x; }";
-/// The same of a buffer with another block.
+/// A shader that copies a number of a buffer with another block there.
 const OF_OTHER: &str = "struct B { other: vec2f }
     @group(0) @binding(0) var<storage, read_write> o: array<f32, 4>;
     @group(0) @binding(1) var<storage, read> b: B;
@@ -91,8 +91,8 @@ fn a_resource_says_whose_it_is() -> Result<()> {
     let scene = LoadedScene::open(folder.path().join("scene.toml"))?;
     assert_eq!(scene.launch_pass("second")?.read_buffer::<f32>("out")?, [0.0, 0.0, 8.0, 0.0]);
     let after = scene.launch()?;
-    assert_eq!(after.buffer("c")?["other"].vec2(), [7.0, 8.0]);
-    assert_eq!(after.buffer("d")?["a"].f32(), 100.0);
+    assert_eq!(after.buffer("c")?["_0"]["other"].vec2(), [7.0, 8.0]);
+    assert_eq!(after.buffer("d")?["_0"]["a"].f32(), 100.0);
     Ok(())
 }
 
@@ -115,9 +115,9 @@ fn commands_call_each_resource_by_its_name_and_by_what_shaders_declare() {
     };
     let text = told(&["run", "scene.toml", "--dump", "a", "--dump", "b", "--dump", "a=json"]);
     for words in [
-        "set 0, binding 1 `a`:\n  a = 1.0\n",
+        "set 0, binding 1 `a`:\n  _0 = { a: 1.0, rest: 5.0 }\n",
         "set 0, binding 1 `b`: image of 1 x 1 x 1",
-        "{\"set\":0,\"binding\":1,\"name\":\"a\",\"value\":{\"a\":1.0",
+        "{\"binding\":1,\"name\":\"a\",\"set\":0,\"value\":{\"_0\":{\"a\":1.0",
     ] {
         assert!(text.contains(words), "{words}: {text}");
     }

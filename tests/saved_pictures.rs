@@ -1,11 +1,12 @@
-//! Pictures as `run --save`, `render`, shares and `test --bless` write them: encoded as `output` says, and opaque unless
-//! alpha is asked for.
+//! Pictures as `run --save`, `render`, shares and `test --bless` write them: encoded as `output`
+//! says, and opaque unless alpha is asked for.
 
 use std::path::Path;
 use std::process::Command;
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
+use serde_json::Value;
 use tempfile::TempDir;
 
 /// 0.2 in 8 bits, and encoded as sRGB: 1.055 * 0.2^(1 / 2.4) - 0.055 = 0.48453, times 255 = 123.55.
@@ -174,8 +175,12 @@ fn pages_and_shares_have_the_same_picture() {
         let beside = image::open(folder.join("beside.png")).expect("a PNG").to_rgba8();
         assert_eq!(beside.get_pixel(0, 0).0, wanted);
         let page = std::fs::read_to_string(folder.join("page.html")).expect("a page");
-        let (_, rest) = page.split_once("data:image/png;base64,").expect("a picture");
-        let bytes = STANDARD.decode(rest.split('"').next().expect("its end")).expect("Base64");
+        let (_, data) = page.split_once("<script type=\"application/json\" id=\"data\">").expect("the data");
+        let data: Value =
+            serde_json::from_str(data.split_once("</script>").expect("its end").0).expect("JSON");
+        let shown = data["pictures"][0]["png"].as_str().expect("an address");
+        let shown = shown.strip_prefix("data:image/png;base64,").expect("a PNG");
+        let bytes = STANDARD.decode(shown).expect("Base64");
         assert_eq!(image::load_from_memory(&bytes).expect("a PNG").to_rgba8().get_pixel(0, 0).0, wanted);
         anyhit(folder, &[&["render", "scene.toml", "--result", "1.json"], flags].concat());
         assert_eq!(pixel(folder, &["merge", "1.json", "-o", "out.png"]), wanted);

@@ -64,6 +64,42 @@ fn pointers_lead_to_buffers_and_circles_are_closed() {
     assert!(text.contains("512 bytes"), "{text}");
 }
 
+#[cfg(feature = "wgsl")]
+#[test]
+fn compute_shaders_that_declare_other_types_at_a_binding_run() {
+    let folder = scratch("other-types");
+    let declared = |variable: &str, value: &str| {
+        format!(
+            "@group(0) @binding(0) var<storage, read_write> o: array<f32>;
+            @group(0) @binding(1) var {variable};
+            @compute @workgroup_size(1) fn main() {{ o[0] = {value}; }}"
+        )
+    };
+    let files = [
+        ("a.wgsl", declared("<storage, read> a: array<f32>", "a[0]")),
+        ("b.wgsl", declared("b: texture_2d<f32>", "textureLoad(b, vec2(0), 0).x")),
+        // A buffer that is larger than that of the first.
+        ("c.wgsl", declared("<storage, read> c: array<vec4f, 5000>", "c[4999].x")),
+        ("d.wgsl", declared("d: texture_3d<f32>", "textureLoad(d, vec3(0), 0).x")),
+        ("e.wgsl", declared("<uniform> e: vec4f", "e.x")),
+    ];
+    for (name, text) in &files {
+        std::fs::write(folder.join(name), text).expect("a file");
+    }
+    let (code, text) =
+        anyhit(&folder, &["scene", "--init", "a.wgsl", "b.wgsl", "c.wgsl", "d.wgsl", "e.wgsl"]);
+    assert!(code == Some(0) && !text.contains("does not run yet"), "{text}");
+    let scene = std::fs::read_to_string(folder.join("scene.toml")).expect("the scene");
+    // The images have one type; the others are told apart by theirs.
+    holds(
+        &scene,
+        &["type = \"sampled_image\"", "dimension = \"3d\"", "passes = [3]", "type = \"uniform_buffer\""],
+    );
+    assert_eq!((scene.matches("passes = ").count(), scene.matches("binding = 1").count()), (1, 4), "{scene}");
+    let (code, text) = anyhit(&folder, &["run", "scene.toml"]);
+    assert_eq!(code, Some(0), "{text}");
+}
+
 #[test]
 fn blocks_of_several_modules_share_their_buffers() {
     let folder = scratch("glsl");

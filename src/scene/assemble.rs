@@ -23,12 +23,13 @@ use crate::scene::descriptors;
 use crate::scene::file::MissingDescriptors;
 use crate::scene::files::SceneFiles;
 use crate::scene::image_entry::ImageContent;
-use crate::scene::own_bindings::{self, OwnBinding};
-use crate::scene::pass::{Dispatch, LaunchPass, Pass, PassWork};
+use crate::scene::indirect;
+use crate::scene::own_bindings;
+use crate::scene::pass::{Dispatch, LaunchPass, OwnBinding, Pass, PassWork};
 use crate::scene::read::first_of;
 use crate::scene::resolved::{
-    self, IndirectSize, RebindingSource, ResolvedGroup, ResolvedPass, ResolvedPassWork, ResolvedPipeline,
-    ResolvedRecord, ResolvedScene, ResolvedShader, ShaderCode, ShaderModule,
+    self, ResolvedGroup, ResolvedPass, ResolvedPassWork, ResolvedPipeline, ResolvedRecord, ResolvedScene,
+    ResolvedShader, ShaderCode, ShaderModule,
 };
 use crate::scene::resources::{BufferView, Resource};
 use crate::sorted::SortedMap;
@@ -119,7 +120,7 @@ fn assemble_excluding(
     let built: Vec<_> = scene.all_pipelines().map(|one| pipeline(&mut shaders, one, &mut errors)).collect();
     let dispatches = dispatches(&mut shaders, &mut errors);
     let mut resources = resources(scene, excluded, addresses, &mut errors);
-    errors.extend(indirect_sizes(scene).filter_map(|indirect| check_indirect(scene, indirect).err()));
+    errors.extend(indirect::mistakes(scene));
     if scene.missing_descriptors == MissingDescriptors::Zeros {
         let programs = || shaders.programs.iter().map(|(.., program)| &**program);
         for binding in programs().flat_map(Program::bindings) {
@@ -432,42 +433,6 @@ fn dispatch<'a>(shaders: &mut Shaders<'a>, one: &'a resolved::ResolvedDispatch) 
         one.push_constants.as_ref().map(|data| data.encode(shaders.addresses)).transpose()?;
     let push_constants = push_constants.as_deref().map(Buffer::new);
     Ok(Dispatch { compute, given_groups: one.groups, push_constants })
-}
-
-/// The sizes of dispatches and launches that buffers hold.
-fn indirect_sizes(scene: &ResolvedScene) -> impl Iterator<Item = &IndirectSize> {
-    let launches = scene.passes.iter().filter_map(|pass| match &pass.work {
-        ResolvedPassWork::Launch { indirect, .. } => indirect.as_ref(),
-        ResolvedPassWork::Dispatch(_) => None,
-    });
-    scene.dispatches.iter().filter_map(|dispatch| dispatch.indirect.as_ref()).chain(launches)
-}
-
-/// Checks that the buffer holds a whole size.
-fn check_indirect(scene: &ResolvedScene, indirect: &IndirectSize) -> Result<()> {
-    let (size, place) = match &indirect.source {
-        RebindingSource::Unbound(name) => {
-            let Some(found) = scene.unbound.iter().find(|one| one.name == *name) else { return Ok(()) };
-            (Some(found.data.size()?), &found.place)
-        }
-        RebindingSource::Bound(at) => {
-            let is_it = |one: &&resolved::ResolvedBinding| [one.set, one.binding, one.element] == *at;
-            let Some(found) = scene.resources.iter().find(is_it) else { return Ok(()) };
-            (found.resource.buffer_size()?, &found.place)
-        }
-    };
-    let size = size.unwrap_or(0);
-    if indirect.offset.checked_add(IndirectSize::BYTES).is_some_and(|end| end <= size) {
-        return Ok(());
-    }
-    let message = format!(
-        "a size of 12 bytes at offset {} goes past the end of `{}`, which has {size} bytes",
-        indirect.offset, indirect.buffer
-    );
-    Err(Error::new(ErrorKind::InvalidScene, message)
-        .at(indirect.place.clone())
-        .at_with(place.clone(), format!("{size} bytes"))
-        .note("VUID-vkCmdDispatchIndirect-offset-00407, VUID-vkCmdTraceRaysIndirectKHR-indirectDeviceAddress-03633"))
 }
 
 /// A pipeline, and all its ray generation records.

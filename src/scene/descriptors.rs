@@ -10,7 +10,7 @@ use crate::program::layout::Layout;
 use crate::program::struct_lookup::{DataBlock, find_block};
 use crate::scene::ResolvedScene;
 use crate::scene::file::MissingDescriptors;
-use crate::scene::own_bindings::OwnBinding;
+use crate::scene::pass::OwnBinding;
 use crate::scene::resolved::ResolvedBinding;
 use crate::scene::resources::Resource;
 

@@ -4,14 +4,14 @@ use std::borrow::Cow;
 use std::sync::Arc;
 
 use crate::error::{Error, ErrorKind, Result};
-use crate::machine::{Binding, Buffer, Descriptor, Resources};
+use crate::machine::{Binding, Descriptor, Resources};
 use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::pipeline::{Launch, Pipeline, Stats};
 use crate::program::Program;
 use crate::scene::assemble::Assembled;
-use crate::scene::own_bindings::{OWN_SET, OwnBinding};
-use crate::scene::pass::{Dispatch, LaunchPass, Pass, PassWork, indirect_size};
-use crate::scene::pass_entry::PassKey;
+use crate::scene::indirect::{indirect_size, size_buffer};
+use crate::scene::pass::{Dispatch, LaunchPass, OWN_SET, OwnBinding, Pass, PassWork};
+use crate::scene::pass_entry::{MAX_LAUNCH, PassKey};
 use crate::scene::resolved::{IndirectSize, Rebinding, RebindingSource};
 
 /// The descriptor that a pass finds. A sampler beside an image is the descriptor's own.
@@ -30,18 +30,6 @@ fn rebound(rebinding: &Rebinding, own: &Resources, all: &Resources) -> Option<De
         (_, Descriptor::ImageSampler(image, _)) => Descriptor::Image(image),
         (_, other) => other,
     })
-}
-
-/// The three words of a buffer that hold the size of a pass.
-fn size_buffer(indirect: &IndirectSize, resources: &Resources) -> Option<Arc<Buffer>> {
-    let buffer = match &indirect.source {
-        RebindingSource::Bound(at) => match descriptor(resources, *at)? {
-            Descriptor::Buffer(buffer) => buffer,
-            _ => return None,
-        },
-        RebindingSource::Unbound(name) => resources.memory.named_buffer(name)?.1,
-    };
-    buffer.view(indirect.offset, IndirectSize::BYTES, &indirect.buffer)
 }
 
 fn descriptor(resources: &Resources, [set, binding, element]: [u32; 3]) -> Option<&Descriptor> {
@@ -99,6 +87,8 @@ impl Assembled {
         let Some(record) = &launch.record else { return Cow::Borrowed(pipeline) };
         let mut own = pipeline.clone();
         own.sbt.ray_generation = Some(record.clone());
+        // What a buffer holds has the limit of what a scene gives.
+        own.max_invocations = own.max_invocations.min(MAX_LAUNCH);
         Cow::Owned(own)
     }
 
@@ -142,8 +132,8 @@ impl Assembled {
         }
     }
 
-    /// The programs that find the descriptors that are kept at a set and binding, each with where it
-    /// declares them: in the order of the passes, then all others.
+    /// The programs that find the descriptors that are kept at a set and binding, each with where
+    /// it declares them: in the order of the passes, then all others.
     pub fn readers_of(&self, kept: Binding) -> Vec<(&Arc<Program>, Binding)> {
         let mut readers: Vec<(&Arc<Program>, Binding)> = Vec::new();
         let mut ran: Vec<*const Program> = Vec::new();
@@ -193,8 +183,17 @@ impl Assembled {
         Ok(stats)
     }
 
-    /// An error of a pass, which says in which one of a frame it is.
+    /// An error of a pass, which says in which one of a frame it is, and where its size came from
+    /// if that was too large.
     pub fn in_pass(&self, number: usize, error: Error) -> Error {
+        let error = match &self.passes[number].indirect {
+            Some(IndirectSize { buffer, offset, place, .. })
+                if error.kind() == ErrorKind::InvalidArgument =>
+            {
+                error.note(format!("the size was read at offset {offset} of `{buffer}`")).at(place.clone())
+            }
+            _ => error,
+        };
         match self.is_frame() {
             true => error.note(format!("in pass {} of the scene", self.passes[number].label(number))),
             false => error,

@@ -263,6 +263,73 @@ fn tables_have_the_columns_that_are_asked_for() {
 }
 
 #[test]
+fn tables_have_numbers_of_the_scene_and_of_materials() {
+    let lamp =
+        |columns: &str| data(&format!("{{ mesh = 'lamp', table = 'geometries', columns = [{columns}] }}"));
+    // A material of the renderer's own for each geometry, of two bytes, and one flag for all.
+    let own = lamp("'first_index', { u16 = [4, 2] }, { u8 = 7 }, { zeros = 1 }");
+    assert_eq!(own, [0, 0, 0, 0, 4, 0, 7, 0, 3, 0, 0, 0, 2, 0, 7, 0]);
+    let vectors = lamp("{ f16 = [[1, 2], [3, 4]] }, { every = { i8 = [-1, -2] } }");
+    assert_eq!(vectors, [0, 0x3c, 0, 0x40, 255, 254, 0, 0x42, 0, 0x44, 255, 254]);
+    // Geometry 0 has the material 0, and the other one the default material, 2.
+    let narrow =
+        lamp("{ column = 'material', type = 'u8' }, { column = 'base_color_texture', type = 'u16' }");
+    assert_eq!(narrow, [0, 255, 255, 2, 255, 255]);
+    let wide = lamp("{ column = 'material', type = 'u64' }, { column = 'normal_texture', type = 'u64' }");
+    assert_eq!(wide[16..], [[2, 0, 0, 0, 0, 0, 0, 0], [255; 8]].concat());
+    // What the materials say: `glow` is no metal, and the default is one.
+    let of_material =
+        words("{ mesh = 'lamp', table = 'geometries', columns = ['metallic', 'alpha_mode', 'material'] }");
+    assert_eq!(of_material, [0, 2, 0, 1.0_f32.to_bits(), 0, 2]);
+    let textures = "columns = ['base_color_texture', 'normal_texture', 'first_vertex']";
+    assert_eq!(words(&format!("{{ mesh = 'floor', table = 'geometries', {textures} }}")), [0, 1, 0]);
+    // The instances are the floor and the lamp, whose first geometry counts.
+    let instances = "{ table = 'instances', columns = ['normal_texture', 'roughness', { u32 = [8, 9] }] }";
+    let (rough, whole) = (0.75_f32.to_bits(), 1.0_f32.to_bits());
+    assert_eq!(words(instances), [1, rough, 8, u32::MAX, whole, 9]);
+    let row = words("{ mesh = 'floor', material = ['normal_texture', { u32 = 3 }] }");
+    assert_eq!(row, [1, 3]);
+
+    let of = |columns: &str| {
+        let piece = format!("{{ mesh = 'lamp', table = 'geometries', columns = [{columns}] }}");
+        mistake(&format!("push_constants = {piece}\n[[model]]\nfile = 'room.gltf'\n"))
+    };
+    for (columns, words) in [
+        ("{ u32 = [1, 2, 3] }", "the column has 3 rows, and the table 2"),
+        ("{ u32 = [[1, 2], [3]] }", "each row of a column has as many numbers"),
+        ("{ u8 = [1, 256] }", "256"),
+        ("{ u8 = 1, u16 = 2 }", "a column has numbers of one type"),
+        ("{ every = {} }", "one list of numbers with their type"),
+        ("{ column = 'metallic', type = 'u8' }", "`type` is of a column of whole numbers"),
+        ("{ column = 'material', type = 'f32' }", "`f32`"),
+        ("'base_colour'", "did you mean `base_color`?"),
+    ] {
+        let error = of(columns);
+        assert!(error.contains(words), "{columns}: {error}");
+    }
+}
+
+#[test]
+fn a_number_that_does_not_fit_its_column_is_a_mistake() {
+    let vertices: String = (0..86).map(|at| format!("v {at} 0 0\nv {at} 1 0\nv {at} 0 1\n")).collect();
+    let first: String =
+        (0..85).map(|at| format!("f {} {} {}\n", 3 * at + 1, 3 * at + 2, 3 * at + 3)).collect();
+    let wide = format!("{vertices}o first\n{first}o second\nf 256 257 258\n");
+    let load = |column: &str| {
+        let piece = format!("{{ mesh = 'm', table = 'geometries', columns = [{column}] }}");
+        let text =
+            format!("version = 1\npush_constants = {piece}\n[[model]]\nfile = 'wide.obj'\nname = 'm'\n");
+        let files = [("wide.obj", wide.as_bytes())];
+        load_text(Path::new("s.toml"), &text, &EmbeddedFiles(&files), &LoadOptions::default())
+    };
+    // 85 triangles are before the second: 255, which would be what is not there.
+    let error = load("{ column = 'first_index', type = 'u8' }").unwrap_err().render();
+    assert!(error.contains("row 1 has the number 255, too large for its column"), "{error}");
+    let scene = load("{ column = 'first_index', type = 'u16' }").unwrap();
+    assert_eq!(scene.push_constants.bytes().unwrap(), [0, 0, 255, 0]);
+}
+
+#[test]
 fn tables_point_to_what_their_numbers_count() {
     let addresses = |piece: &str| {
         let text = format!(

@@ -28,6 +28,7 @@ pub mod generate;
 pub mod geometry;
 pub mod image;
 pub mod image_entry;
+pub mod indirect;
 pub mod instance_entry;
 pub mod mesh;
 pub mod mesh_piece;

@@ -7,21 +7,22 @@ use crate::program::Program;
 use crate::program::descriptors::{DescriptorType, declared};
 use crate::scene::ResolvedScene;
 use crate::scene::descriptors::{is_compatible, mismatch};
+use crate::scene::pass::OwnBinding;
 use crate::scene::resolved::{RebindingSource, ResolvedBinding};
 use crate::scene::resources::Resource;
 use crate::sorted::SortedMap;
 
-/// The set of which no shader declares a binding. The resources that share their set and binding
-/// with others are kept there, each at a binding number of its own, until a pass needs them.
-pub const OWN_SET: u32 = u32::MAX;
+impl ResolvedBinding {
+    /// Where its descriptor is kept.
+    pub fn kept_at(&self) -> Binding {
+        Binding { set: self.set, binding: self.binding }
+    }
 
-/// A set and binding at which one pass finds other descriptors than most passes do.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct OwnBinding {
-    /// Where its shaders declare them.
-    pub at: Binding,
-    /// Where they are kept.
-    pub kept: Binding,
+    /// Where shaders declare it.
+    pub fn declared_at(&self) -> Binding {
+        let [set, binding] = self.declared_at;
+        Binding { set, binding }
+    }
 }
 
 /// The resources that are bound together at one set and binding: the elements of one array.

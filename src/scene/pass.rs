@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::machine::{Binding, Buffer, Resources};
 use crate::pipeline::{Compute, SbtRecord};
-use crate::scene::own_bindings::OwnBinding;
+use crate::scene::indirect::indirect_size;
 use crate::scene::resolved::{IndirectSize, Rebinding};
 
 /// One pass of a frame.
@@ -56,6 +56,19 @@ pub struct Dispatch {
     pub push_constants: Option<Arc<Buffer>>,
 }
 
+/// The set of which no shader declares a binding. The resources that share their set and binding
+/// with others are kept there, each at a binding number of its own, until a pass needs them.
+pub const OWN_SET: u32 = u32::MAX;
+
+/// A set and binding at which one pass finds other descriptors than most passes do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct OwnBinding {
+    /// Where its shaders declare them.
+    pub at: Binding,
+    /// Where they are kept.
+    pub kept: Binding,
+}
+
 impl LaunchPass {
     /// Width, height and depth, in the resources as the pass finds them.
     pub fn size(&self, resources: &Resources) -> [u32; 3] {
@@ -68,12 +81,6 @@ impl Dispatch {
     pub fn groups(&self, resources: &Resources) -> [u32; 3] {
         indirect_size(resources).unwrap_or(self.given_groups)
     }
-}
-
-/// The size that a buffer holds now.
-pub fn indirect_size(resources: &Resources) -> Option<[u32; 3]> {
-    let buffer = resources.indirect.as_ref()?;
-    Some([0, 4, 8].map(|offset| buffer.load(offset, 32).unwrap_or(0)))
 }
 
 impl Pass {

@@ -7,6 +7,10 @@ use crate::scene::data::DataPieces;
 use crate::scene::read::{OneOrMore, Parse, Span, Spanned, Table, TomlValue};
 use crate::scene::tree::Toml;
 
+/// The most invocations of a launch: `maxRayDispatchInvocationCount` is at least 2^30, and no device
+/// offers more.
+pub const MAX_LAUNCH: u64 = 1 << 30;
+
 /// Reads the size of a launch, which is 1 to 2^30 invocations.
 pub(super) fn launch(table: &Table<'_>) -> Option<Spanned<[u32; 3]>> {
     table.value("launch").and_then(launch_size)
@@ -15,9 +19,8 @@ pub(super) fn launch(table: &Table<'_>) -> Option<Spanned<[u32; 3]>> {
 /// Reads the size of a launch from its value.
 fn launch_size(value: TomlValue<'_>) -> Option<Spanned<[u32; 3]>> {
     let Spanned { value: size, span } = sides(value)?;
-    // maxRayDispatchInvocationCount is at least 2^30, and no device offers more.
     let count = size.iter().fold(1_u128, |count, side| count * u128::from(*side));
-    if count == 0 || count > 1 << 30 {
+    if count == 0 || count > u128::from(MAX_LAUNCH) {
         return value.wrong(format!("{count} invocations: a launch has 1 to 2^30"));
     }
     Some(Spanned { value: size, span })

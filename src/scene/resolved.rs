@@ -7,7 +7,7 @@ use std::sync::Arc;
 use crate::accel::Tlas;
 use crate::compile::SourceSettings;
 use crate::error::Place;
-use crate::machine::{Binding, LaunchLimits, MemoryPolicy, PrintedBytes};
+use crate::machine::{LaunchLimits, MemoryPolicy, PrintedBytes};
 use crate::module::Module;
 use crate::pipeline::{DeviceProfile, PipelineFlags};
 use crate::scene::address_entry::{AddressChoice, AddressOf};
@@ -288,7 +288,7 @@ pub struct ResolvedBinding {
     /// The scene's name for it.
     pub name: String,
     /// The descriptor set that it is kept in: its own, or
-    /// [`OWN_SET`](crate::scene::own_bindings::OWN_SET).
+    /// [`OWN_SET`](crate::scene::pass::OWN_SET).
     pub set: u32,
     /// The binding number in the set that it is kept in.
     pub binding: u32,
@@ -311,17 +311,6 @@ pub struct ResolvedBinding {
 }
 
 impl ResolvedBinding {
-    /// Where its descriptor is kept.
-    pub fn kept_at(&self) -> Binding {
-        Binding { set: self.set, binding: self.binding }
-    }
-
-    /// Where shaders declare it.
-    pub fn declared_at(&self) -> Binding {
-        let [set, binding] = self.declared_at;
-        Binding { set, binding }
-    }
-
     /// Whether the image here is that of another binding.
     pub fn is_same_image(&self, other: &Self) -> bool {
         self.resource.image().zip(other.resource.image()).is_some_and(|(own, other)| Arc::ptr_eq(own, other))

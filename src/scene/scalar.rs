@@ -101,8 +101,7 @@ impl Scalar {
         Some(bytes)
     }
 
-    /// The values under this type's key as rows: those of each element of a list, or the one that is
-    /// none.
+    /// The values under this type's key as rows: those of each element of a list, or one for all.
     pub(super) fn rows(self, table: &Table<'_>) -> Option<Rows> {
         let value = table.value(self.name())?;
         let Some(elements) = value.elements() else {

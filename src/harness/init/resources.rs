@@ -76,8 +76,8 @@ impl Resources {
             push_constants: None,
             records: SortedMap::new(),
         };
-        // The shaders of the pipeline are one pass, the first if it is launched; without it they run
-        // for rays from the host. Each compute shader is one of its own.
+        // The shaders of the pipeline are one pass, the first if it is launched; else they run for
+        // rays from the host. Each compute shader is one of its own.
         let is_compute = |shader: &&Shader| shader.entry.stage == Stage::Compute;
         let launches = shaders.iter().any(|shader| shader.entry.stage == Stage::RayGeneration);
         for shader in shaders.iter().filter(|shader| !is_compute(shader)) {

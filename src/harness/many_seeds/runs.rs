@@ -19,7 +19,8 @@ use crate::math::random::Random;
 use crate::pipeline::{Event, Launch, PipelineObserver};
 use crate::program::Program;
 use crate::sanitize::Levels;
-use crate::scene::pass::{Pass, PassWork, indirect_size};
+use crate::scene::indirect::indirect_size;
+use crate::scene::pass::{Pass, PassWork};
 use crate::scene::{Assembled, ResolvedScene};
 
 /// The sizes of subgroups that devices have: from 8 of a CPU to 64 of AMD's GPUs.

@@ -18,8 +18,8 @@ use crate::sorted::SortedMap;
 const ELEMENTS: usize = 1024;
 /// Bytes that one filled buffer may have beyond what its type fixes, at scale 1 and at any.
 const MOST_BYTES: [usize; 2] = [1 << 20, 1 << 24];
-/// Bytes of one buffer that are given values one by one. In what lies behind them the first elements
-/// of each array are, and all others repeat these.
+/// Bytes of one buffer that are given values one by one. Behind them the first elements of each
+/// array are, and all others repeat these.
 const MOST_FILLED: usize = 1 << 17;
 /// Those first elements: a multiple of three, as indices of triangles lie in threes.
 const FIRST_ELEMENTS: usize = 6;

@@ -54,10 +54,10 @@ impl SmokeGeometry {
         }
     }
 
-    /// So many primitives, of which a ray meets the last one.
-    fn primitives(self, count: usize) -> Instance {
+    /// So many primitives, of which a ray meets the last one if it is to meet any.
+    fn primitives(self, count: usize, is_met: bool) -> Instance {
         // The others lie far away, side by side.
-        let aside = |at: usize| if at + 1 == count { 0.0 } else { FAR_AWAY + 4.0 * at as f32 };
+        let aside = |at: usize| if is_met && at + 1 == count { 0.0 } else { FAR_AWAY + 4.0 * at as f32 };
         let moved = |at: usize, [x, y, z]: [f32; 3]| [x + aside(at), y, z];
         match self {
             Self::Triangle => {
@@ -83,10 +83,10 @@ impl SmokeGeometry {
     fn structure(self, place: &HitPlace) -> Result<Arc<Tlas>> {
         let HitPlace { instance, geometry, primitive, custom_index, .. } = *place;
         let aside = |at: u32| [FAR_AWAY + 4.0 * at as f32, FAR_AWAY, 0.0];
-        let others = (0..instance).map(|at| self.primitives(1).translate(aside(at)));
+        let others = (0..instance).map(|at| self.primitives(1, true).translate(aside(at)));
         // The other geometries of the instance have a primitive each, far away.
-        let mut geometries = (0..geometry).map(|_| self.primitives(2));
-        let last = self.primitives(primitive as usize + 1);
+        let mut geometries = (0..geometry).map(|_| self.primitives(1, false));
+        let last = self.primitives(primitive as usize + 1, true);
         let met = match geometries.next() {
             Some(first) => geometries.fold(first, Instance::and).and(last),
             None => last,

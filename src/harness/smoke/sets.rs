@@ -11,8 +11,7 @@ pub(super) struct Set {
     pub numbers: ValueSource,
     /// Whether geometry is hit from behind.
     pub behind: bool,
-    /// Whether what is hit, called or missed is not the first of everything: its numbers follow from
-    /// `numbers`, too.
+    /// Whether what is hit, called or missed is not the first of everything: `numbers` say which.
     pub varies_hits: bool,
     /// Which of the specialized programs runs; 0 has the defaults.
     pub specialization: usize,

@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use std::ops::Range;
 
 use crate::scene::descriptor_kind::DescriptorKind;
-use crate::scene::own_bindings::OWN_SET;
+use crate::scene::pass::OWN_SET;
 use crate::scene::pass_entry::{PassKey, PassWorkEntry};
 use crate::scene::read::{Spanned, unknown_name};
 use crate::scene::resolve::Resolver;
@@ -24,7 +24,7 @@ pub(super) struct KeptPlace {
 }
 
 /// Resources that are bound together: the elements of one array.
-struct Kept<'e> {
+struct BoundArray<'e> {
     at: [u32; 2],
     passes: Option<Vec<usize>>,
     kinds: Vec<DescriptorKind>,
@@ -52,7 +52,7 @@ impl Resolver<'_> {
         }
         // Those of all passes first: one of them is kept where it is bound.
         sort_by_key(&mut scoped, |(.., passes)| passes.is_some());
-        let mut places: HashMap<[u32; 2], Vec<Kept<'_>>> = HashMap::new();
+        let mut places: HashMap<[u32; 2], Vec<BoundArray<'_>>> = HashMap::new();
         let mut own = 0;
         for (name, content, passes) in scoped {
             let bound_at = [content.set, content.binding];
@@ -60,9 +60,9 @@ impl Resolver<'_> {
             let end = content.element.saturating_add(content.contents.len() as u32);
             let elements = content.element..end;
             let here = places.entry(bound_at).or_default();
-            let has_kind = |one: &Kept<'_>| one.passes == passes && one.kinds.contains(&kind);
+            let has_kind = |one: &BoundArray<'_>| one.passes == passes && one.kinds.contains(&kind);
             let overlaps = |range: &Range<u32>| range.start < elements.end && elements.start < range.end;
-            let is_free = |one: &Kept<'_>| one.passes == passes && !one.elements.iter().any(overlaps);
+            let is_free = |one: &BoundArray<'_>| one.passes == passes && !one.elements.iter().any(overlaps);
             let found = here.iter().position(has_kind).or_else(|| here.iter().position(is_free));
             let at = found.unwrap_or_else(|| {
                 let at = match here.is_empty() && passes.is_none() {
@@ -72,7 +72,8 @@ impl Resolver<'_> {
                         [OWN_SET, own - 1]
                     }
                 };
-                let new = Kept { at, passes, kinds: Vec::new(), elements: Vec::new(), names: Vec::new() };
+                let new =
+                    BoundArray { at, passes, kinds: Vec::new(), elements: Vec::new(), names: Vec::new() };
                 here.push(new);
                 here.len() - 1
             });
@@ -161,7 +162,7 @@ impl Resolver<'_> {
     }
 
     /// Reports resources of one type at one set and binding that are both for one pass.
-    fn report_overlaps(&self, places: &HashMap<[u32; 2], Vec<Kept<'_>>>, passes: &[PassReaders]) {
+    fn report_overlaps(&self, places: &HashMap<[u32; 2], Vec<BoundArray<'_>>>, passes: &[PassReaders]) {
         let mut all: Vec<_> = places.iter().collect();
         sort_by_key(&mut all, |(at, _)| **at);
         for ([set, binding], here) in all {
@@ -188,7 +189,7 @@ impl Resolver<'_> {
 }
 
 /// The shaders that may find a resource; none for all of the scene.
-fn readers(one: &Kept<'_>, here: &[Kept<'_>], passes: &[PassReaders]) -> Vec<Spanned<String>> {
+fn readers(one: &BoundArray<'_>, here: &[BoundArray<'_>], passes: &[PassReaders]) -> Vec<Spanned<String>> {
     let is_others =
         |number: usize| here.iter().any(|one| one.passes.iter().flatten().any(|&pass| pass == number));
     let numbers: Vec<usize> = match &one.passes {
