@@ -396,7 +396,7 @@ impl<'a> Search<'a> {
             let note = format!(
                 "written in pass {label}, by one of its {count} invocations: too many to search for it (the most are {MAX_INVOCATIONS})"
             );
-            let request = self.guess(pass).map(|id| request(self.loaded, pass, id));
+            let request = self.guess(pass, &self.loaded.assembled.resources).map(|id| request(self.loaded, pass, id));
             return Blame { request, line: None, notes: vec![note] };
         }
         let (what, first, last) = match self.target {
@@ -438,12 +438,12 @@ impl<'a> Search<'a> {
         let request = match self.likely {
             _ if is_ray || passes.is_empty() => None,
             Some((pass, nearest)) => {
-                let id = self.guess(pass).or(nearest.map(|(_, id)| id)).unwrap_or_default();
+                let id = self.guess(pass, &self.loaded.assembled.resources).or(nearest.map(|(_, id)| id)).unwrap_or_default();
                 Some(request(self.loaded, pass, id))
             }
             None => {
                 let pass = passes.len() - 1;
-                Some(request(self.loaded, pass, self.guess(pass).unwrap_or_default()))
+                Some(request(self.loaded, pass, self.guess(pass, &self.loaded.assembled.resources).unwrap_or_default()))
             }
         };
         Blame { request, line: None, notes }
