@@ -175,7 +175,14 @@ impl<'a> Search<'a> {
         let resources = single.resources(resources);
         let launch = Launch { pipeline: &single.pipeline, resources: &resources };
         let mut finder = WriteFinder::new(&single.pipeline.programs, self.target);
-        let _ = trace(&self.loaded.scene, &launch, single.size_in(&resources), ray, &mut Silent, Some(&mut finder));
+        let _ = trace(
+            &self.loaded.scene,
+            &launch,
+            single.size_in(&resources),
+            ray,
+            &mut Silent,
+            Some(&mut finder),
+        );
         self.take(single.number, finder);
         Some(())
     }
@@ -255,8 +262,12 @@ impl<'a> Search<'a> {
                 let dispatch = &assembled.dispatches[*at];
                 let programs = [dispatch.compute.program.clone()];
                 let mut finder = WriteFinder::new(&programs, self.target);
-                let ran =
-                    dispatch.compute.run_observed(&resources, dispatch.groups(&resources), &mut |_| (), &mut finder);
+                let ran = dispatch.compute.run_observed(
+                    &resources,
+                    dispatch.groups(&resources),
+                    &mut |_| (),
+                    &mut finder,
+                );
                 self.take(number, finder);
                 ran.is_ok()
             }
@@ -282,8 +293,12 @@ impl<'a> Search<'a> {
                 let dispatch = &assembled.dispatches[*at];
                 let programs = [dispatch.compute.program.clone()];
                 let mut finder = WriteFinder::new(&programs, &target);
-                let stepped =
-                    SteppedDispatch::<64>::new(dispatch.compute.clone(), &resources, dispatch.groups(&resources), id);
+                let stepped = SteppedDispatch::<64>::new(
+                    dispatch.compute.clone(),
+                    &resources,
+                    dispatch.groups(&resources),
+                    id,
+                );
                 stepped.ok()?.resume(&mut finder, &mut |_| ());
                 self.take(number, finder);
             }
@@ -396,7 +411,8 @@ impl<'a> Search<'a> {
             let note = format!(
                 "written in pass {label}, by one of its {count} invocations: too many to search for it (the most are {MAX_INVOCATIONS})"
             );
-            let request = self.guess(pass, &self.loaded.assembled.resources).map(|id| request(self.loaded, pass, id));
+            let request =
+                self.guess(pass, &self.loaded.assembled.resources).map(|id| request(self.loaded, pass, id));
             return Blame { request, line: None, notes: vec![note] };
         }
         let (what, first, last) = match self.target {
@@ -438,12 +454,19 @@ impl<'a> Search<'a> {
         let request = match self.likely {
             _ if is_ray || passes.is_empty() => None,
             Some((pass, nearest)) => {
-                let id = self.guess(pass, &self.loaded.assembled.resources).or(nearest.map(|(_, id)| id)).unwrap_or_default();
+                let id = self
+                    .guess(pass, &self.loaded.assembled.resources)
+                    .or(nearest.map(|(_, id)| id))
+                    .unwrap_or_default();
                 Some(request(self.loaded, pass, id))
             }
             None => {
                 let pass = passes.len() - 1;
-                Some(request(self.loaded, pass, self.guess(pass, &self.loaded.assembled.resources).unwrap_or_default()))
+                Some(request(
+                    self.loaded,
+                    pass,
+                    self.guess(pass, &self.loaded.assembled.resources).unwrap_or_default(),
+                ))
             }
         };
         Blame { request, line: None, notes }
