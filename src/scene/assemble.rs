@@ -195,13 +195,14 @@ fn assemble_excluding(
         module.declaration_warnings(&format!("shader `{}`", shader.name))
     };
     notes.extend(shaders.modules().flat_map(undeclared));
-    notes.extend(descriptors::stride_notes(scene, programs(), of_passes));
+    notes.extend(descriptors::stride_notes(scene, programs(), &of_passes));
     notes.extend(descriptors::missing_note(scene, programs()));
+    let all: Vec<&Pipeline> = pipelines.iter().map(|(pipeline, _)| pipeline).collect();
+    notes.extend(block_sizes::notes(scene, programs(), &of_passes, &all, &dispatches, &passes));
+    drop(ran);
     for (pass, own) in passes.iter_mut().zip(own_bindings) {
         pass.own_bindings = own;
     }
-    let all: Vec<&Pipeline> = pipelines.iter().map(|(pipeline, _)| pipeline).collect();
-    notes.extend(block_sizes::notes(scene, programs(), &all, &dispatches, &passes));
     let mut pipelines = pipelines.into_iter().map(|(pipeline, _)| pipeline);
     let pipeline = pipelines.next().expect("bug in anyhit: a scene without a pipeline");
     let pipelines = pipelines.collect();

@@ -12,13 +12,14 @@ use crate::program::descriptors::declared_blocks;
 use crate::program::layout::{Layout, Rules};
 use crate::scene::ResolvedScene;
 use crate::scene::descriptors::line_of;
-use crate::scene::pass::{Dispatch, Pass, PassWork};
+use crate::scene::pass::{Dispatch, OwnBinding, Pass, PassWork};
 
 /// Returns a note for each buffer, record and push-constant range that is smaller than a shader's
-/// block for it.
+/// block for it. `of_passes` returns the own bindings of each pass that runs a program.
 pub(super) fn notes<'a>(
     scene: &ResolvedScene,
     programs: impl Iterator<Item = &'a Program>,
+    of_passes: &dyn Fn(&Program) -> Vec<&'a [OwnBinding]>,
     pipelines: &[&Pipeline],
     dispatches: &[Dispatch],
     passes: &[Pass],
@@ -28,9 +29,11 @@ pub(super) fn notes<'a>(
         for (ty, _, binding) in declared_blocks(program) {
             let Some(binding) = binding else { continue };
             let declared = Layout::new(&program.module, ty, Rules::Explicit).size();
-            for bound in
-                scene.resources.iter().filter(|one| (one.set, one.binding) == (binding.set, binding.binding))
-            {
+            let kept = |own: &[OwnBinding]| {
+                own.iter().find(|own| own.at == binding).map_or(binding, |own| own.kept)
+            };
+            let found: Vec<Binding> = of_passes(program).into_iter().map(kept).collect();
+            for bound in scene.resources.iter().filter(|one| found.contains(&one.kept_at())) {
                 let Ok(Some(given)) = bound.resource.buffer_size() else { continue };
                 let Binding { set, binding } = binding;
                 let what = format!(

@@ -73,7 +73,7 @@ pub(super) fn mismatch(program: &Program, at: Binding, bound: &ResolvedBinding) 
 pub(super) fn stride_notes<'a>(
     scene: &ResolvedScene,
     programs: impl Iterator<Item = &'a Program>,
-    of_passes: impl Fn(&Program) -> Vec<&'a [OwnBinding]>,
+    of_passes: &dyn Fn(&Program) -> Vec<&'a [OwnBinding]>,
 ) -> Vec<String> {
     let mut notes: Vec<String> = Vec::new();
     for program in programs {
