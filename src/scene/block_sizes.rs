@@ -29,9 +29,8 @@ pub(super) fn notes<'a>(
         for (ty, _, binding) in declared_blocks(program) {
             let Some(binding) = binding else { continue };
             let declared = Layout::new(&program.module, ty, Rules::Explicit).size();
-            let kept = |own: &[OwnBinding]| {
-                own.iter().find(|own| own.at == binding).map_or(binding, |own| own.kept)
-            };
+            let kept =
+                |own: &[OwnBinding]| own.iter().find(|own| own.at == binding).map_or(binding, |own| own.kept);
             let found: Vec<Binding> = of_passes(program).into_iter().map(kept).collect();
             for bound in scene.resources.iter().filter(|one| found.contains(&one.kept_at())) {
                 let Ok(Some(given)) = bound.resource.buffer_size() else { continue };
