@@ -326,18 +326,25 @@ struct Files {
 
 impl Files {
     fn new(launch: [u32; 2], place: &str) -> Self {
+        Self::with_alpha(launch, place, "1.0")
+    }
+
+    /// `alpha` finds `cells`, an array of one element.
+    fn with_alpha(launch: [u32; 2], place: &str, alpha: &str) -> Self {
         let folder = tempfile::tempdir().expect("a folder");
         let shader = format!(
             "enable wgpu_ray_tracing_pipeline;
              @group(0) @binding(0) var picture: texture_storage_2d<rgba32float, write>;
+             @group(0) @binding(1) var<storage, read> cells: array<f32>;
              @ray_generation
              fn main(@builtin(ray_invocation_id) id: vec3u, @builtin(num_ray_invocations) size: vec3u) {{
-                 textureStore(picture, {place}, vec4f(vec3f(id) / vec3f(size), 1.0));
+                 textureStore(picture, {place}, vec4f(vec3f(id) / vec3f(size), {alpha}));
              }}"
         );
         let scene = format!(
             "version = 1\nlaunch = {launch:?}\n[shaders]\nmain = 'main.wgsl'\n[pipeline]\nraygen = 'main'\n\
-             [resources.picture]\ntype = 'storage_image'\nbinding = 0\nformat = 'rgba32f'\noutput = true\n"
+             [resources.picture]\ntype = 'storage_image'\nbinding = 0\nformat = 'rgba32f'\noutput = true\n\
+             [resources.cells]\ntype = 'storage_buffer'\nbinding = 1\ndata = {{ f32 = [1] }}\n"
         );
         for (name, text) in [("main.wgsl", shader), ("scene.toml", scene)] {
             std::fs::write(folder.path().join(name), text).expect("a writable folder");
@@ -432,7 +439,7 @@ fn the_command_says_why_it_cannot_stream() {
 
 #[test]
 fn a_picture_that_fails_leaves_the_old_one() {
-    let files = Files::new([2048, 4200], "vec2u(select(id.x, 9999u, id.y == 2100u), id.y)");
+    let files = Files::with_alpha([2048, 4200], "id.xy", "cells[select(0u, 9u, id.y == 2100u)]");
     std::fs::write(files.folder.path().join("out.png"), "the old one").expect("a writable folder");
     let (code, _, err, _) = files.anyhit(&["render", "scene.toml"]);
     assert_eq!(code, Some(3));

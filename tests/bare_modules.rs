@@ -38,7 +38,6 @@ fn what_a_flag_says_is_shown_in_the_flag() {
         (["--buffer", "1@123=64"], "--buffer 1@123=64"),
         (["--buffer", "more@123=64"], "--buffer more@123=64"),
         (["--buffer", "1=missing.bin"], "--buffer 1=missing.bin"),
-        (["--subgroup-size", "7"], "--subgroup-size 7"),
         (["--push", "u33 = 1"], "--push u33 = 1"),
     ] {
         let ran = anyhit(&["run", SUMS, arguments[0], arguments[1]]);

@@ -169,7 +169,7 @@ fn the_first_difference_is_named() {
             "Params",
             "`scale` begins at byte 112 in the shader, at byte 80 in",
         ),
-        ("h", "LIGHTS 2", "LIGHTS 3", "Params", "`lights[2].position` (vec3) at byte 112"),
+        ("h", "LIGHTS 2", "LIGHTS 3", "Params", "`scale` begins at byte 112 in the shader, at byte 176 in"),
         // Another kind of number.
         ("rs", "tint: [f32; 4]", "tint: [u32; 4]", "Params", "`tint` has a float of 32 bits in the shader"),
         (

@@ -409,7 +409,7 @@ fn mistakes_are_told() {
         "{error}"
     );
     let error = refused(&["render", ROW, "--heat", "nodes", "--heat-max", "0", "-o", &out], 2);
-    assert!(error.contains("not a number above 0"), "{error}");
+    assert!(error.contains("a finite number above 0 is needed"), "{error}");
     let error = refused(&["render", ROW, "--heat-max", "3"], 2);
     assert!(error.contains("--heat <MEASURE>"), "{error}");
     for other in [&["--sanitize"][..], &["--shadow"], &["--many-seeds", "2"], &["--stats"]] {

@@ -131,9 +131,11 @@ fn commands_call_each_resource_by_its_name_and_by_what_shaders_declare() {
 
 #[test]
 fn a_trap_lists_what_its_pass_finds() {
-    let beyond = OF_IMAGE.replace("vec2(0)", "vec2(9)");
-    let folder = folder(&format!("{PASSES}{OUT}{A}{B}"));
-    std::fs::write(folder.path().join("image.wgsl"), beyond).expect("a writable folder");
+    let beyond = OF_OTHER.replace("other: vec2f", "other: array<vec2f>").replace("b.other", "b.other[9]");
+    let passes = "[[pass]]\nshader = 'buffer'\n[[pass]]\nshader = 'other'\n";
+    let own = "[resources.c]\ntype = 'storage_buffer'\nbinding = 1\npasses = 1\ndata = { f32 = [7, 8] }\n";
+    let folder = folder(&format!("{passes}{OUT}{A}{own}"));
+    std::fs::write(folder.path().join("other.wgsl"), beyond).expect("a writable folder");
     let output = anyhit(folder.path(), &["run", "scene.toml"]);
     let text = String::from_utf8(output.stderr).expect("UTF-8");
     assert!(output.status.code() == Some(3) && text.contains("set 0, binding 1"), "{text}");

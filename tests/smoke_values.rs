@@ -103,7 +103,7 @@ fn hits_differ_in_all_their_numbers() {
         )
     };
     for stage in ["closest_hit", "any_hit"] {
-        for builtin in ["primitive_index", "instance_custom_data", "geometry_index", "instance_index"] {
+        for builtin in ["primitive_index", "instance_custom_data", "geometry_index"] {
             is_entered(&hit(stage, builtin, "x == 0u"));
             is_entered(&hit(stage, builtin, "x == 2u"));
         }

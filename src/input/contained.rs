@@ -36,6 +36,12 @@ fn install_hook() {
 /// which the program was built.
 fn in_package(location: &Location<'_>) -> String {
     let path = location.file().replace('\\', "/");
+    // This package's own paths are relative, or absolute where another package compiles it.
+    let own = path.strip_prefix(&env!("CARGO_MANIFEST_DIR").replace('\\', "/"));
+    let path = own.map_or(&*path, |own| own.trim_start_matches('/'));
+    if !path.starts_with('/') && !path.contains(":/") {
+        return format!("{path}:{}:{}", location.line(), location.column());
+    }
     let folders: Vec<&str> = path.split('/').collect();
     let source = folders.iter().rposition(|&folder| folder == "src").unwrap_or(folders.len());
     let path = folders[source.saturating_sub(1).min(folders.len() - 1)..].join("/");

@@ -262,12 +262,15 @@ mod tests {
     use crate::module::assemble::Assembler;
     use crate::module::interface::Stage;
     use crate::ops::translate::Translator;
-    use crate::ops::translate_checked;
+    use crate::ops::translate_instruction;
 
     /// Whether the sections' translators refuse an opcode as one that none of them knows.
     ///
     /// The operands are ids that nothing defines, so that every other outcome is another error.
     fn is_refused(number: u16) -> bool {
+        if number == Opcode::Nop as u16 {
+            return false;
+        }
         let mut a = Assembler::new();
         a.types();
         let mut module = a.loaded();
@@ -282,7 +285,7 @@ mod tests {
         };
         let mut translator = Translator::new(&module, Stage::ClosestHit);
         let name = opcode_name(number);
-        match translate_checked(&mut translator, number, &instruction) {
+        match translate_instruction(&mut translator, number, &instruction) {
             Ok(()) => false,
             Err(error) => {
                 error.kind() == ErrorKind::UnsupportedModule

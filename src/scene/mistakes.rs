@@ -190,7 +190,7 @@ fn files_that_are_missing_or_broken() {
         &["each from 1 to 32768"],
     );
     one_mistake("include = 'gone.toml'\n", "s/a.toml:2:11", &["no such embedded file"]);
-    one_mistake("include = 'old.toml'\n", "s/old.toml:1:11", &["this anyhit reads version 1"]);
+    one_mistake("include = 'old.toml'\n", "s/old.toml:1:11", &["the scene format has no version 0"]);
     one_mistake("include = 'loop.toml'\n", "s/loop.toml:2:11", &["an include that never ends"]);
     one_mistake("include = 'wrong.toml'\n", "s/wrong.toml:5:1", &["did you mean `count`?"]);
 }

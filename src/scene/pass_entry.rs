@@ -7,8 +7,8 @@ use crate::scene::data::DataPieces;
 use crate::scene::read::{OneOrMore, Parse, Span, Spanned, Table, TomlValue};
 use crate::scene::tree::Toml;
 
-/// The most invocations of a launch: `maxRayDispatchInvocationCount` is at least 2^30, and no device
-/// offers more.
+/// The most invocations of a launch: `maxRayDispatchInvocationCount` is at least 2^30, and no
+/// device offers more.
 pub const MAX_LAUNCH: u64 = 1 << 30;
 
 /// Reads the size of a launch, which is 1 to 2^30 invocations.

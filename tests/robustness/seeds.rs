@@ -181,7 +181,7 @@ pub fn share_results() -> Vec<Seed> {
         &["test", "shaders/pass/testing/leaves", "--shadow", "--sanitize", "--coverage", "x.lcov"][..],
         &["test", "tests/test-command/trap", "tests/test-command/rays", "--no-explanation"],
         &["smoke", module, "spirv-fixtures/pass/sphere/closest-hit/main.rmiss.spv"],
-        &["render", "shaders/pass/sphere/closest-hit/scene.toml", "--size", "8x8", "--shard", "1/2"],
+        &["render", "scenes/swept-spheres.toml", "--size", "8x8", "--shard", "1/2"],
     ];
     let result = |(number, command): (usize, &&[&str])| {
         let path = folder.join(format!("{number}.json"));

@@ -445,7 +445,7 @@ impl LayoutComparison {
             self.shader.name, self.host.name, difference.offset, difference.message
         );
         let error =
-            Error::new(ErrorKind::Expectation, message).note(self.table(difference.offset).join("\n"));
+            Error::new(ErrorKind::Expectation, message).note_lines(self.table(difference.offset).join("\n"));
         Some(error.note(format!("help: {}", difference.help)))
     }
 

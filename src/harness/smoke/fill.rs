@@ -566,7 +566,7 @@ mod tests {
         assert_eq!(bytes.bytes, wanted);
         // The buffer ends before the array does.
         bytes.repeat(20, 4, 1, 9);
-        assert_eq!(bytes.bytes[20..], [3 + 2, 24, 25, 26, 5, 24, 25, 26, 5, 24]);
+        assert_eq!(bytes.bytes[20..], [3, 4, 5, 24, 3, 4, 5, 24, 3, 4]);
     }
 
     #[test]

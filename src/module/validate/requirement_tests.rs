@@ -198,6 +198,7 @@ fn an_array_of_descriptors_without_length_needs_its_capability() {
     let of = |capabilities: &[C]| {
         let mut a = shader(capabilities);
         a.op(Op::Decorate, &[20, 2]);
+        a.op(Op::MemberDecorate, &[20, 0, 35, 0]);
         a.types();
         a.op(Op::TypeStruct, &[20, 6]);
         a.op(Op::TypeRuntimeArray, &[21, 20]);
