@@ -233,10 +233,10 @@ fn passes(
         };
         let (name, rebindings) = (pass.name.clone(), pass.rebindings.clone());
         let indirect = match &pass.work {
-            ResolvedPassWork::Dispatch(index) => &scene.dispatches[*index].indirect,
-            ResolvedPassWork::Launch { indirect, .. } => indirect,
+            ResolvedPassWork::Dispatch(index) => scene.dispatches[*index].indirect.as_ref(),
+            ResolvedPassWork::Launch { indirect, .. } => indirect.as_deref(),
         };
-        Ok(Pass { name, own_bindings: Vec::new(), rebindings, indirect: indirect.clone(), work })
+        Ok(Pass { name, own_bindings: Vec::new(), rebindings, indirect: indirect.cloned(), work })
     };
     if !scene.passes.is_empty() {
         return scene.passes.iter().map(pass).collect();

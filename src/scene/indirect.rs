@@ -32,7 +32,7 @@ pub(super) fn size_buffer(indirect: &IndirectSize, resources: &Resources) -> Opt
 /// The errors for sizes that go past the end of their buffers.
 pub(super) fn mistakes(scene: &ResolvedScene) -> impl Iterator<Item = Error> {
     let launches = scene.passes.iter().filter_map(|pass| match &pass.work {
-        ResolvedPassWork::Launch { indirect, .. } => indirect.as_ref(),
+        ResolvedPassWork::Launch { indirect, .. } => indirect.as_deref(),
         ResolvedPassWork::Dispatch(_) => None,
     });
     let all = scene.dispatches.iter().filter_map(|dispatch| dispatch.indirect.as_ref()).chain(launches);

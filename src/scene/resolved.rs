@@ -176,7 +176,7 @@ pub enum ResolvedPassWork {
         /// Width, height and depth, unless a buffer holds them.
         size: [u32; 3],
         /// Where they are read, if a buffer holds them.
-        indirect: Option<IndirectSize>,
+        indirect: Option<Box<IndirectSize>>,
         /// Its own push constants; `None` for the scene's.
         push_constants: Option<Data>,
     },

@@ -43,13 +43,11 @@ impl Resolver<'_> {
     /// Decides where each resource is kept.
     pub(super) fn allot_places(&mut self) {
         let passes = self.pass_readers();
-        let mut scoped: Vec<(&Spanned<String>, &ResourceEntry, Option<Vec<usize>>)> = Vec::new();
-        for entry in &self.resource_entries.entries {
-            let Some(content) = entry.content.as_ref().filter(|content| kind(content).is_some()) else {
-                continue;
-            };
-            scoped.push((&entry.name, content, self.passes_of(content, &passes)));
-        }
+        let scoped = self.resource_entries.entries.iter().filter_map(|entry| {
+            let content = entry.content.as_ref().filter(|content| kind(content).is_some())?;
+            Some((&entry.name, content, self.passes_of(content, &passes)))
+        });
+        let mut scoped: Vec<_> = scoped.collect();
         // Those of all passes first: one of them is kept where it is bound.
         sort_by_key(&mut scoped, |(.., passes)| passes.is_some());
         let mut places: HashMap<[u32; 2], Vec<BoundArray<'_>>> = HashMap::new();

@@ -190,6 +190,7 @@ impl Resolver<'_> {
                         }
                     };
                     let Some((size, indirect)) = size else { continue };
+                    let indirect = indirect.map(Box::new);
                     ResolvedPassWork::Launch { pipeline, raygen: index, size, indirect, push_constants }
                 }
                 PassWorkEntry::Dispatch(entry) => {
