@@ -20,6 +20,7 @@ pub struct MemoryPart {
 impl Module {
     /// Returns the scalar or vector of a type that a byte belongs to, or that precedes the byte
     /// where it is padding; `None` where the type is not laid out.
+    #[doc(hidden)]
     pub fn part_at(&self, ty: TypeId, byte: u64) -> Option<MemoryPart> {
         self.find_part(ty, 0, byte, None, String::new())
     }
@@ -81,6 +82,7 @@ impl Module {
 
     /// Returns the access path from a whole to the scalar of a type that a byte belongs to:
     /// `outputs[3].normal.x`; `None` where the byte is padding, or the type is not laid out.
+    #[doc(hidden)]
     pub fn byte_path(&self, ty: TypeId, byte: u64) -> Option<String> {
         let MemoryPart { mut path, offset, ty, scalar } = self.part_at(ty, byte)?;
         let within = byte - offset;

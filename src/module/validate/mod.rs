@@ -18,7 +18,7 @@
 //! 2. a file `validate/<class>.rs` with `pub(super) fn check(module: &Module) ->
 //!    Vec<ValidationFinding>`, linear in the words of the module, which must not panic on any
 //!    module that [`load()`](crate::module::load()) accepts;
-//! 3. a row in [`FAULTS`] or [`REQUIREMENTS`];
+//! 3. a row in `FAULTS` or `REQUIREMENTS`;
 //! 4. the wording by which the judge recognises the class in SPIRV-Tools' messages, in
 //!    `judges/src/validation.rs`.
 
