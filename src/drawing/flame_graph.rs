@@ -1,7 +1,6 @@
 //! Flame graphs of folded stacks, through inferno (feature `flamegraph`).
 
 use crate::error::{Error, ErrorKind, Result};
-use crate::escape;
 
 /// Refuses what this build cannot draw, before anything is computed.
 ///
@@ -27,7 +26,7 @@ pub fn svg(folded: &str, title: &str) -> Result<Vec<u8>> {
     #[cfg(feature = "flamegraph")]
     {
         let mut options = inferno::flamegraph::Options::default();
-        options.title = escape::line(title).into_owned();
+        options.title = crate::escape::line(title).into_owned();
         options.count_name = "instructions".to_owned();
         options.name_type = "Line".to_owned();
         let mut svg = Vec::new();
