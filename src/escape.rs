@@ -147,7 +147,7 @@ pub fn text(text: &str, styled: bool) -> Cow<'_, str> {
     Cow::Owned(out)
 }
 
-/// What shaders print, which is the output of a program: as [`text`], and lines may begin with
+/// Text for data and for logs in which commands are stopped: as [`text`], and lines may begin with
 /// anything.
 pub fn printed(text: &str, styled: bool) -> Cow<'_, str> {
     escaped(text, Kept { lines: true, styles: styled })

@@ -100,7 +100,7 @@ pub(super) fn printed(printed: &Printed) -> Result<bool> {
     for line in &lines {
         let end = if line.text.ends_with('\n') { "" } else { "\n" };
         let text = format!("{}{end}", line.text);
-        write_report(&escape::printed(&text, !is_claimed() && stdout().is_terminal()))?;
+        write_report(&escape::text(&text, !is_claimed() && stdout().is_terminal()))?;
     }
     Ok(!lines.is_empty())
 }

@@ -24,6 +24,7 @@ pub mod render;
 mod summary_words;
 pub mod transcript;
 mod traversal;
+mod traversal_hints;
 pub mod values;
 mod walk;
 
@@ -52,8 +53,6 @@ pub mod shell;
 pub mod source_text;
 #[cfg(feature = "scenes")]
 mod summary;
-#[cfg(feature = "scenes")]
-mod traversal_hints;
 
 #[cfg(feature = "scenes")]
 pub use session::{ExplainRequest, Session};

@@ -52,6 +52,7 @@ enum Parts {
     /// So many elements, each of the size of its type.
     Array(Arc<HostType>, usize),
     /// The array without a length that ends a struct of C.
+    #[cfg_attr(not(feature = "cli"), allow(dead_code, reason = "only source text has it"))]
     Flexible(Arc<HostType>),
     Struct(Vec<HostField>),
 }

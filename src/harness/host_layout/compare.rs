@@ -323,7 +323,7 @@ impl LayoutComparison {
                         });
                     }
                     if !row.is_padding && (a.class, a.size) != (b.class, b.size) {
-                        return Some(kinds_differ(a, row, b, other));
+                        return Some(self.kinds_differ(a, b));
                     }
                     if !row.is_padding && row.key != other.key && seen.insert((a.row, b.row)) {
                         if host_keys.contains(&row.key) || shader_keys.contains(&other.key) {
@@ -397,6 +397,32 @@ impl LayoutComparison {
             format!("`{}` has `{}` ({}) at byte {}, {place}", self.host.name, row.name, row.ty, row.offset);
         let help = format!("remove `{}` from the host's struct, or declare it in the shader", row.name);
         Difference { offset: scalar.offset, message, help }
+    }
+
+    /// Reports scalars of two kinds at one offset: members of one name have other elements, or
+    /// their types differ.
+    fn kinds_differ(&self, a: &Scalar, b: &Scalar) -> Difference {
+        let (row, other) = (&self.shader.members[a.row], &self.host.members[b.row]);
+        let pairs = [(Some(row), self.host.find(&row.key)), (self.shader.find(&other.key), Some(other))];
+        let has_other_extent = |pair: &(Option<&Row>, Option<&Row>)| matches!(pair, (Some(ours), Some(theirs)) if ours.offset == theirs.offset && ours.size != theirs.size);
+        let other_extent = pairs.into_iter().find(has_other_extent).filter(|_| row.key != other.key);
+        if let Some((Some(ours), Some(theirs))) = other_extent {
+            return extent_differs(a.offset, ours, theirs);
+        }
+        let kind = |scalar: &Scalar| {
+            let class = if scalar.class == ScalarClass::Float { "a float" } else { "an integer" };
+            format!("{class} of {} bits", scalar.size * 8)
+        };
+        let message = format!(
+            "`{}` has {} in the shader ({}), `{}` has {} in the host ({})",
+            row.name,
+            kind(a),
+            row.ty,
+            other.name,
+            kind(b),
+            other.ty
+        );
+        Difference { offset: a.offset, message, help: "give both the same type".into() }
     }
 
     /// Reports bytes whose names belong elsewhere on the other side.
@@ -503,23 +529,6 @@ impl LayoutComparison {
 /// True if a path leads into a member.
 fn is_within(path: &str, member: &str) -> bool {
     path.strip_prefix(member).is_some_and(|rest| rest.starts_with(['.', '[']))
-}
-
-fn kinds_differ(a: &Scalar, row: &Row, b: &Scalar, other: &Row) -> Difference {
-    let kind = |scalar: &Scalar| {
-        let class = if scalar.class == ScalarClass::Float { "a float" } else { "an integer" };
-        format!("{class} of {} bits", scalar.size * 8)
-    };
-    let message = format!(
-        "`{}` has {} in the shader ({}), `{}` has {} in the host ({})",
-        row.name,
-        kind(a),
-        row.ty,
-        other.name,
-        kind(b),
-        other.ty
-    );
-    Difference { offset: a.offset, message, help: "give both the same type".into() }
 }
 
 /// A member lies at different offsets.
