@@ -135,7 +135,7 @@ fn columns_of_a_matrix_do_not_overlap() {
 }
 
 /// Vulkan, "Offset and Stride Assignment", names ShaderRecordBufferKHR and PhysicalStorageBuffer
-/// with the other storage classes; `spirv-val` looks at neither.
+/// with the other storage classes; `spirv-val` does not look at the former.
 #[test]
 fn records_and_device_addresses_obey_the_same_rules() {
     let array = "%a = OpTypeArray %float %u3\n%S = OpTypeStruct %a";
@@ -151,19 +151,33 @@ fn records_and_device_addresses_obey_the_same_rules() {
     };
     assert!(error(record(4)).is_none());
     assert!(invalid(record(0)).contains("`S` has an array of ArrayStride 0"));
-    let address = |offset| {
+    let address = |second: &str| {
         let decorations = format!(
-            "OpDecorate %T Block\nOpMemberDecorate %T 0 Offset 0\nOpMemberDecorate %T 1 Offset {offset}\n\
-             OpMemberDecorate %S 0 Offset 0"
+            "OpDecorate %T Block\nOpMemberDecorate %T 0 Offset 0\n{second}\nOpMemberDecorate %S 0 Offset 0"
         );
         let types = "%T = OpTypeStruct %v3 %float\n%pT = OpTypePointer PhysicalStorageBuffer %T\n\
                      %S = OpTypeStruct %pT\n%ppT = OpTypePointer StorageBuffer %pT\n%zero = OpConstant %uint 0";
         let body = "%at = OpAccessChain %ppT %v %zero\n%address = OpLoad %pT %at";
         module_of("StorageBuffer", "GLCompute", &decorations, types, body)
     };
-    assert!(error(address(12)).is_none());
-    let text = invalid(address(8));
+    assert!(error(address("OpMemberDecorate %T 1 Offset 12")).is_none());
+    let text = invalid(address("OpMemberDecorate %T 1 Offset 8"));
     assert!(text.contains("at offset 8 overlaps member 0 of `%"), "{text}");
+    let text = invalid(address(""));
+    assert!(text.contains("member 1 of `%") && text.contains("has no Offset"), "{text}");
+}
+
+/// VUID-StandaloneSpirv-Input-07290: a bool that enters or leaves a shader is a builtin.
+#[test]
+fn a_bool_in_the_interface_is_a_builtin() {
+    let interface = |decoration: &str| {
+        let types = "%S = OpTypeStruct %float\n%bool = OpTypeBool\n%pb = OpTypePointer Input %bool\n\
+                     %flag = OpVariable %pb Input";
+        let decorations = format!("OpMemberDecorate %S 0 Offset 0\n{decoration}");
+        module_of("StorageBuffer", "ClosestHitKHR", &decorations, types, "%set = OpLoad %bool %flag")
+    };
+    assert!(is_valid(&interface("OpDecorate %flag BuiltIn HitIsSphereNV"), LayoutFeatures::ALL));
+    assert!(!is_valid(&interface("OpDecorate %flag Location 0"), LayoutFeatures::ALL));
 }
 
 /// Lengths of arrays are specialization constants, alone and in a computed constant: a module is

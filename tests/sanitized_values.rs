@@ -376,7 +376,7 @@ fn outside_an_image_a_write_has_no_effect_and_a_read_is_undefined() {
     assert_eq!(fetch("ivec2(id, 1), 0"), [""; 0]);
 }
 
-/// Vulkan, "Texel Output Coordinate Validation", and for what is read this crate's choice: that of
+/// Vulkan, "Image Writes", and for what is read this crate's choice: that of
 /// `robustImageAccess2`.
 #[test]
 fn outside_an_image_the_run_goes_on() {

@@ -94,10 +94,10 @@ impl Descriptor {
 
 /// How an access outside its buffer is handled.
 ///
-/// Outside an image, both do the same: a store has no effect (Vulkan, "Texel Output Coordinate
-/// Validation"), and so has an atomic instruction, which returns 0; a texel that is read, which is
-/// undefined without `robustImageAccess`, is that of `robustImageAccess2`: zeros, but for 1 where
-/// the format has no A.
+/// Outside an image, both do the same: a store is discarded (Vulkan, "Image Writes"), and so is an
+/// atomic instruction, which returns 0; a texel that is read, which is undefined without
+/// `robustImageAccess`, is that of `robustImageAccess2`: zeros, but for 1 where the format has no
+/// A.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum MemoryPolicy {
     /// The access traps.

@@ -53,7 +53,7 @@ const OVERLAP: &str = "SPIR-V, 2.16.2: ArrayStride, MatrixStride and Offset are 
                        affect, and strides are above 0";
 const DECORATED: &str = "SPIR-V, 2.16.2: members have an Offset, arrays an ArrayStride, matrices a MatrixStride and \
                          RowMajor or ColMajor";
-const RUNTIME_ARRAY: &str = "VUID-StandaloneSpirv-OpTypeRuntimeArray-04680";
+pub(super) const RUNTIME_ARRAY: &str = "VUID-StandaloneSpirv-OpTypeRuntimeArray-04680";
 
 /// Storage classes, numbers of the specification.
 pub(super) const UNIFORM: u32 = 2;
@@ -105,7 +105,7 @@ pub fn find_layout_fault(
         length,
         sizes: SizeComputation::new(module, length),
         alignment,
-        is_required: matches!(storage_class, UNIFORM | PUSH_CONSTANT | STORAGE_BUFFER),
+        is_required: storage_class != SHADER_RECORD_BUFFER,
         alignments: HashMap::new(),
         visited: HashSet::new(),
     };
@@ -206,12 +206,27 @@ impl Checker<'_> {
         if let Type::RuntimeArray { .. } = self.module.ty(part.ty) {
             return u64::MAX;
         }
-        let end = offset.saturating_add(self.sizes.size(part.ty, part.matrix).unwrap_or(0));
+        let end = offset.saturating_add(self.extent(part).unwrap_or(0));
         let is_padded = self.alignment == Alignment::Extended
             && matches!(self.module.ty(part.ty), Type::Array { .. } | Type::Struct { .. });
         match self.alignment_of(part, self.alignment) {
             Some(alignment) if is_padded => end.next_multiple_of(alignment),
             _ => end,
+        }
+    }
+
+    /// The bytes of a member that others keep clear of. As for spirv-val, the last column of a
+    /// matrix has the padding of the others; the last row of a row-major matrix has none.
+    fn extent(&mut self, part: Part) -> Option<u64> {
+        match (self.module.ty(part.ty), part.matrix) {
+            (Type::Matrix { count, .. }, Some(MatrixLayout { stride, row_major: false })) => {
+                Some(u64::from(*count) * u64::from(stride))
+            }
+            (&Type::Array { element, length, stride }, _) => {
+                let before = (self.length)(length)?.checked_sub(1)?;
+                before.checked_mul(u64::from(stride?))?.checked_add(self.extent(part.element(element))?)
+            }
+            _ => self.sizes.size(part.ty, part.matrix),
         }
     }
 
@@ -267,8 +282,8 @@ impl Checker<'_> {
         if stride == 0 {
             return self.owner_fault(part, "has an array of ArrayStride 0", OVERLAP);
         }
-        if let Some(alignment) =
-            self.alignment_of(part, self.alignment).filter(|&to| !stride.is_multiple_of(to))
+        if let Some(alignment) = self.alignment_of(part, self.alignment)
+            && let Some(stride) = self.strides(part.ty).find(|stride| !stride.is_multiple_of(alignment))
         {
             let what = format!("has an array of ArrayStride {stride}, not aligned to {alignment} bytes");
             return self.owner_fault(part, &what, self.alignment_rule());
@@ -283,6 +298,14 @@ impl Checker<'_> {
         let period = if self.alignment == Alignment::Scalar { 1 } else { period };
         (0..period)
             .try_for_each(|index| self.part(part.element(element), offset.wrapping_add(index * stride)))
+    }
+
+    /// Every `ArrayStride` of an array type: one that contradicts another must be aligned, too.
+    fn strides(&self, array: TypeId) -> impl Iterator<Item = u64> {
+        const ARRAY_STRIDE: u32 = 6;
+        let decorations = self.module.id_of_type(array).and_then(|id| self.module.decorations.of_id.get(&id));
+        let strides = decorations.into_iter().flatten().filter(|one| one.number == ARRAY_STRIDE);
+        strides.filter_map(|one| one.operands.first().copied().map(u64::from))
     }
 
     fn matrix(&mut self, part: Part) -> Checked {
@@ -367,6 +390,8 @@ impl Checker<'_> {
                 self.alignments.insert((part.ty, rule), alignment);
                 alignment
             }
+            // That a pointer may not be here at all is another rule's.
+            Type::Pointer { .. } => Some(8),
             _ => self.scalar_size(part.ty),
         }
     }

@@ -1,4 +1,4 @@
-//! Layouts of blocks: members that overlap, strides of 0, alignments, bools.
+//! Layouts of blocks: members that overlap, strides of 0, alignments, bools, runtime arrays.
 //!
 //! Every variable of the module counts, and everything that device addresses lead to. Arrays have
 //! the lengths that their specialization constants give them now; those of computed lengths
@@ -12,8 +12,13 @@ use crate::module::validate::explicit_layout::{
     LayoutFault, LayoutFeatures, PHYSICAL_STORAGE_BUFFER, STORAGE_BUFFER, UNIFORM, WORKGROUP,
     find_layout_fault, has_explicit_layout,
 };
+use crate::module::validate::runtime_array;
 use crate::module::validate::{ValidationClass, ValidationFinding};
 use crate::module::{Id, Module};
+
+const INPUT: u32 = 1;
+const OUTPUT: u32 = 3;
+const BUILT_IN: u32 = 11;
 
 /// SPIR-V on bools in memory that is visible outside of shaders.
 const BOOL: &str = "SPIR-V, 3.3.6, OpTypeBool: it has no size, and is stored in no storage class that is visible \
@@ -38,21 +43,24 @@ pub fn layout_faults(
     features: LayoutFeatures,
     length: &dyn Fn(Id) -> Option<u64>,
 ) -> Vec<(usize, Option<Id>, LayoutFault)> {
-    let mut faults = Vec::new();
+    let mut faults = runtime_array::type_faults(module);
     let mut seen = HashSet::new();
     let mut check = |ty: TypeId, class: u32, word: u32| {
         if !seen.insert((ty, class)) {
-            return;
+            return None;
         }
         let fault =
             bool_fault(module, ty, class).or_else(|| find_layout_fault(module, ty, class, features, length));
-        faults.extend(fault.map(|fault| (word as usize, module.id_of_type(ty), fault)));
+        fault.map(|fault| (word as usize, module.id_of_type(ty), fault))
     };
     for variable in &module.variables {
         let class = variable.storage_class;
         let Type::Pointer { pointee: Some(ty), .. } = *module.ty(variable.pointer) else { continue };
+        let fault = runtime_array::variable_fault(module, ty, class)
+            .or_else(|| interface_bool_fault(module, variable.id, ty, class));
+        faults.extend(fault.map(|fault| (variable.offset as usize, Some(variable.id), fault)));
         if let Some(ty) = block_of(module, ty, class) {
-            check(ty, class, variable.offset);
+            faults.extend(check(ty, class, variable.offset));
         }
     }
     let has_addresses =
@@ -65,7 +73,7 @@ pub fn layout_faults(
         if let Type::Pointer { storage_class: PHYSICAL_STORAGE_BUFFER, pointee: Some(ty), .. } =
             *module.ty(ty)
         {
-            check(ty, PHYSICAL_STORAGE_BUFFER, instruction.offset);
+            faults.extend(check(ty, PHYSICAL_STORAGE_BUFFER, instruction.offset));
         }
     }
     faults
@@ -86,6 +94,21 @@ fn block_of(module: &Module, mut ty: TypeId, class: u32) -> Option<TypeId> {
         Type::Struct { block, .. } if block || class != WORKGROUP => Some(ty),
         _ => None,
     }
+}
+
+/// The fault of an input or output that holds a bool and is no builtin.
+fn interface_bool_fault(module: &Module, variable: Id, ty: TypeId, class: u32) -> Option<LayoutFault> {
+    if !matches!(class, INPUT | OUTPUT) || !has_bool(module, ty) {
+        return None;
+    }
+    let is_builtin = module.decorations.find(variable, BUILT_IN).is_some()
+        || matches!(module.ty(ty), Type::Struct { members, .. } if members.iter().any(|one| one.builtin.is_some()));
+    let fault = LayoutFault {
+        message: format!("{} holds a bool in {}", module.quoted_name(variable), storage_class_name(class)),
+        rule: "VUID-StandaloneSpirv-Input-07290".to_owned(),
+        fix: "pass a 32-bit integer, 0 or 1, or decorate the variable as a builtin".to_owned(),
+    };
+    (!is_builtin).then_some(fault)
 }
 
 /// The fault of a bool in memory whose layout matters.

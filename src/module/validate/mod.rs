@@ -34,6 +34,7 @@ mod requirement;
 #[cfg(test)]
 mod requirement_tests;
 mod requirements;
+mod runtime_array;
 mod universal;
 
 use serde::Serialize;

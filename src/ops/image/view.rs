@@ -69,7 +69,7 @@ impl View {
     }
 
     /// Returns how an image view of a format contradicts the declaration, in words for both; `None`
-    /// where they agree (Vulkan, "Texel Format Validation" and "Texel Type Validation").
+    /// where they agree (Vulkan, "Instruction/Format/Sampler/Image View Validation").
     pub fn contradiction(self, bound: Format) -> Option<[String; 2]> {
         if let Some(declared) = self.format.filter(|&declared| declared != bound) {
             return Some([declared, bound].map(|format| format!("the format {}", format.name())));

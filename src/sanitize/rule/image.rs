@@ -3,17 +3,17 @@
 rules! {
     IMAGE_FORMAT "image-format" UndefinedValue
         "The view of an image has the format that the shader declares, and the same type of numbers."
-        "Vulkan, \"Texel Format Validation\" and \"Texel Type Validation\"; VUID-vkCmdDispatch-format-07753, \
+        "Vulkan, \"Instruction/Format/Sampler/Image View Validation\"; VUID-vkCmdDispatch-format-07753, \
          VUID-vkCmdDispatch-SampledType-04470 and 04471"
         "declare the format of the view in the shader, as by `layout(rgba8)` or `uimage2D`, or give the image that \
          format in the scene"
     IMAGE_READ_BOUNDS "image-read-bounds" UndefinedValue
         "The coordinates, layer, sample and level of a texel that is read are inside its image."
-        "Vulkan, \"Integer Texel Coordinate Validation\" and \"Texel Replacement\": the value of an invalid texel is undefined"
+        "Vulkan, \"Image Coordinate Validation\" and \"Shader Out-of-Bounds Memory Access\": the value of such a read is undefined"
         "clamp the coordinates, or compare them with imageSize or textureSize"
     IMAGE_WRITE_BOUNDS "image-write-bounds" Lint
         "The coordinates, layer, sample and level of a texel that is written are inside its image."
-        "Vulkan, \"Texel Output Coordinate Validation\": the write has no effect"
+        "Vulkan, \"Image Writes\": a write that is out of bounds is discarded"
         "return early where the coordinates are not less than imageSize: a dispatch fills up its last workgroups"
     IMAGE_NAN_COORDINATE "image-nan-coordinate" Lint
         "The coordinates, level of detail, bias and gradients of a sampled image are finite."
