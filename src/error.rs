@@ -75,13 +75,13 @@ impl ErrorKind {
         Some(match self {
             Self::InvalidModule => "the module is not valid: mend the shader, or its compiler's flags",
             Self::InvalidRecording => "docs/verify.md says what a recording holds",
-            Self::InvalidArgument => "see `anyhit help` for what this takes",
             Self::UnsupportedModule => "the module is valid: this is a gap of anyhit, not a mistake of yours",
             Self::UnsupportedFile => "the file is valid: this is a gap of anyhit, not a mistake of yours",
             Self::InvalidScene
             | Self::InvalidMesh
             | Self::InvalidImage
             | Self::InvalidSource
+            | Self::InvalidArgument
             | Self::UnsupportedTool
             | Self::Trap
             | Self::Finding
@@ -89,6 +89,13 @@ impl ErrorKind {
             | Self::Io => return None,
         })
     }
+}
+
+/// How a user of the program, and one of the library, enables a feature of this crate.
+pub(crate) fn feature_note(feature: &str) -> String {
+    format!(
+        "enable the feature `{feature}`: `features = [\"{feature}\"]` in Cargo.toml, or `cargo build --features {feature}`"
+    )
 }
 
 /// The place of a problem in an input.

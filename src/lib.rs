@@ -118,6 +118,7 @@ pub use compile::{CompileOptions, CompilerFlags, DebugInfoLevel, Language, Optim
 pub use input::{InputLimit, InputLimits};
 pub use module::Module;
 pub use module::interface::{EntryPoint, Stage};
+pub use module::scalar_value::ScalarValue;
 pub use module::validate::{ValidationClass, ValidationFinding};
 pub use program::Program;
 
@@ -129,7 +130,7 @@ pub use harness::explain::Explain;
 pub use harness::hit::Hit;
 pub use harness::host_layout::HostLayout;
 pub use harness::mock::{CallableCall, ExecuteCall, TraceCall};
-pub use harness::scalars::Scalars;
+pub use harness::scalars::{NestedScalars, Scalars};
 pub use harness::shader_outcome::{ReportedHit, ShaderOutcome};
 pub use harness::shader_test::ShaderTest;
 #[cfg(feature = "proptest")]
@@ -150,7 +151,7 @@ pub use harness::scene::Scene;
 // What shaders are bound.
 pub use machine::format::{Component, Format};
 pub use machine::image::{Dimension, Image, ImageShape};
-pub use machine::sampler::{AddressMode, CompareOp, Filter, Sampler};
+pub use machine::sampler::{AddressMode, BorderColor, CompareOp, Filter, Sampler};
 pub use machine::{Buffer, Descriptor};
 
 // Pipelines, launches and single rays.

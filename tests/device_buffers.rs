@@ -159,7 +159,8 @@ fn an_address_that_data_no_longer_names_stays() -> Result<()> {
     let [b, c, world] = [scene.address_of("b")?, scene.address_of("c")?, scene.address_of("world")?];
     assert_eq!([b, c, world], [0x1_0000_0000, 0x2_0000_0000, 0x3_0000_0000]);
     // Only names gave `c` and `world` their addresses.
-    scene.set_push_constants(&[c, world])?.set_buffer("b", &[0u64, 0])?.set_buffer("c", &[5, c])?;
+    let node = [5u64.to_le_bytes(), c.to_le_bytes()].concat();
+    scene.set_push_constants(&[c, world])?.set_buffer("b", &[0u64, 0])?.set_buffer_bytes("c", &node)?;
     assert_eq!([scene.address_of("b")?, scene.address_of("c")?, scene.address_of("world")?], [b, c, world]);
     assert_eq!(scene.launch()?.read_buffer::<u32>("a")?, [5, 5, 5, 5, 5, 1]);
     Ok(())

@@ -18,6 +18,8 @@ mod book;
 mod cli;
 mod compile;
 mod conformance;
+#[cfg(all(feature = "scenes", feature = "wgsl"))]
+mod conversions;
 #[cfg(feature = "debugger")]
 mod dap;
 #[cfg(feature = "debugger")]

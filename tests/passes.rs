@@ -178,7 +178,7 @@ fn rounding_is_examined_in_all_passes() -> Result<()> {
 #[test]
 fn a_trap_says_in_which_pass_it_is() -> Result<()> {
     let mut scene = LoadedScene::open(FRAME)?;
-    scene.set_buffer("result", &[0_u32])?;
+    scene.set_buffer_bytes("result", &[0; 4])?;
     let error = scene.launch().unwrap_err();
     assert_eq!(error.kind(), ErrorKind::Trap);
     assert!(error.render().contains("in pass `tonemap` of the scene"), "{}", error.render());

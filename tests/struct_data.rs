@@ -460,7 +460,10 @@ fn rust_writes_members_by_their_names() {
     assert!(error.contains("there is no member `powr`"), "{error}");
     assert!(error.contains("   16  float sun.power"), "{error}");
     let error = turned.clone().set("sun.power", 1).unwrap_err().render();
-    assert!(error.contains("`sun.power` of struct SceneInfo_natural is float, not the integer 1"), "{error}");
+    assert!(
+        error.contains("`sun.power` of struct SceneInfo_natural: 1 is an integer, not a float"),
+        "{error}"
+    );
     let error = turned.set("weights[2]", 1.0).unwrap_err().render();
     assert!(error.contains("there is no `weights[2]`"), "{error}");
     let error = StructData::of(&module, "Light").unwrap_err();

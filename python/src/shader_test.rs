@@ -205,7 +205,7 @@ fn keep(py: Python<'_>, slot: &Mutex<Option<PyErr>>, error: PyErr) -> anyhit::Er
 
 /// Writes the members that a callback has returned.
 fn write(data: &mut anyhit::TypedBytes, members: Vec<(String, ScalarValue)>) -> anyhit::Result<()> {
-    members.iter().try_for_each(|(path, scalar)| data.set(path, &[*scalar][..]))
+    members.iter().try_for_each(|(path, scalar)| data.set(path, *scalar))
 }
 
 /// A trace as the tested shader executes it.

@@ -157,6 +157,13 @@ pub(super) fn is_plain() -> bool {
 
 /// Prints an error to standard error, in colour where that is a terminal and `NO_COLOR` is not set.
 pub(super) fn report(error: &Error) {
+    let is_helped = error.notes().iter().any(|note| note.starts_with("help: "));
+    let error = match error.kind() {
+        crate::error::ErrorKind::InvalidArgument if !is_helped => {
+            &error.clone().note("help: see `anyhit help` for what this takes")
+        }
+        _ => error,
+    };
     let styled = !is_plain() && stderr().is_terminal();
     let text = if styled { error.render_coloured() } else { error.render() };
     // There is no other stream to report that standard error cannot be written.

@@ -2,13 +2,13 @@
 //! GLSL, Slang and HLSL are an error, and what is built in compiles each time.
 
 use super::{CompileOptions, Compiled, Source};
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Error, ErrorKind, Result, feature_note};
 
 /// The error that sources of a language cannot be compiled.
 fn missing<T>(language: &str) -> Result<T> {
     let text = format!("this build of anyhit cannot compile {language}");
     let error = Error::new(ErrorKind::UnsupportedTool, text);
-    Err(error.note("build it with `cargo build --features compilers`, which runs installed compilers"))
+    Err(error.note(feature_note("compilers") + ", which runs installed compilers"))
 }
 
 pub(super) mod cache {

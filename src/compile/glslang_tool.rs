@@ -6,7 +6,7 @@ use super::external::{Tool, Workspace, printed};
 use super::language::{extension, unknown_stage};
 use super::message::{self, Severity};
 use super::{CompileOptions, Compiled, DebugInfoLevel, Optimize, Source};
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Error, ErrorKind, Result, feature_note};
 use crate::escape;
 use crate::module::interface::Stage;
 
@@ -97,7 +97,7 @@ pub(super) fn version() -> Result<String> {
 pub(super) fn tool() -> Result<Tool> {
     Tool::find(VARIABLE, &["glslang", "glslangValidator", "glslc"]).map_err(|error: Error| {
         error
-            .note("build anyhit with `--features glsl` (needs a C++ compiler), install glslang, or name it in the environment variable GLSLANG")
+            .note(feature_note("glsl") + " (needs a C++ compiler); or install glslang, or name it in the environment variable GLSLANG")
     })
 }
 

@@ -232,7 +232,7 @@ pub fn tool(language: Language) -> Result<String> {
 #[cfg(not(feature = "wgsl"))]
 fn missing_wgsl() -> Error {
     Error::new(ErrorKind::UnsupportedTool, "this build of anyhit cannot compile WGSL")
-        .note("build it with `cargo build --features wgsl`")
+        .note(crate::error::feature_note("wgsl"))
 }
 
 /// SPIR-V words as the bytes of a `.spv` file: little endian on every machine.

@@ -1,6 +1,6 @@
 //! Flame graphs of folded stacks, through inferno (feature `flamegraph`).
 
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Error, ErrorKind, Result, feature_note};
 
 /// Refuses what this build cannot draw, before anything is computed.
 ///
@@ -12,7 +12,7 @@ pub fn check() -> Result<()> {
     }
     let message = "this build of anyhit draws no flame graphs: it lacks the feature `flamegraph`";
     Err(Error::new(ErrorKind::UnsupportedTool, message)
-        .note("build it with `--features flamegraph`")
+        .note(feature_note("flamegraph"))
         .note("a profile that is written as .folded can be drawn by `inferno-flamegraph`, `flamegraph.pl` or speedscope"))
 }
 

@@ -7,24 +7,26 @@
 //! given as the last argument.
 
 use std::fmt::Debug;
+use std::io::IsTerminal;
 
 use bytemuck::{AnyBitPattern, NoUninit};
 use pretty_assertions::StrComparison;
 
 use crate::error::Result;
-use crate::harness::data::TypedBytes;
+use crate::harness::data::{Bytes, TypedBytes};
 use crate::harness::explain::Explain;
 use crate::harness::number::{ExpectedNumber, NumberType, Tolerance};
 use crate::harness::shader_outcome::ShaderOutcome;
 use crate::harness::trace::Traced;
 use crate::harness::value::Value;
 
-/// Asserts that floats are at most so many units in the last place away: `assert_ulps!(found,
+/// Asserts that numbers are at most so many units in the last place away: `assert_ulps!(found,
 /// expected, 1)`.
 ///
-/// Found is an `f32`, `f64`, an array of them, or a [`Value`]; expected a number or
-/// an array. The unit is that of the type found, in the binade of the expected value, which may be
-/// an `f64` and is not rounded: with it, 0.5 asks for correct rounding.
+/// Found is a number, an array of them, or a [`Value`]; expected a number or an array. The unit is
+/// that of the type found, in the binade of the expected value, which may be an `f64` and is not
+/// rounded: with it, 0.5 asks for correct rounding. Integers are compared exactly, in units of 1. An
+/// infinity is near itself alone, and a NaN is near every NaN.
 ///
 /// ```
 /// use anyhit::assert_ulps;
@@ -45,7 +47,7 @@ macro_rules! assert_ulps {
     };
 }
 
-/// Asserts that floats are near each other: `assert_near!(found, expected, absolute = 1e-6)`, or
+/// Asserts that numbers are near each other: `assert_near!(found, expected, absolute = 1e-6)`, or
 /// `relative = 1e-6`, or both, of which one must hold.
 ///
 /// What it takes is as in [`assert_ulps!`](crate::assert_ulps).
@@ -139,16 +141,30 @@ pub trait AsNumbers {
     }
 }
 
-impl AsNumbers for f32 {
-    fn numbers(&self) -> Vec<(NumberType, u64)> {
-        vec![(NumberType::F32, self.to_bits().into())]
-    }
+macro_rules! as_numbers {
+    ($($ty:ty => $variant:ident, |$value:ident| $bits:expr;)*) => {$(
+        impl AsNumbers for $ty {
+            fn numbers(&self) -> Vec<(NumberType, u64)> {
+                let $value = *self;
+                vec![(NumberType::$variant, $bits)]
+            }
+        }
+    )*};
 }
 
-impl AsNumbers for f64 {
-    fn numbers(&self) -> Vec<(NumberType, u64)> {
-        vec![(NumberType::F64, self.to_bits())]
-    }
+as_numbers! {
+    f32 => F32, |value| value.to_bits().into();
+    f64 => F64, |value| value.to_bits();
+    half::f16 => F16, |value| value.to_bits().into();
+    half::bf16 => Bf16, |value| value.to_bits().into();
+    u8 => U8, |value| value.into();
+    u16 => U16, |value| value.into();
+    u32 => U32, |value| value.into();
+    u64 => U64, |value| value;
+    i8 => I8, |value| (value as u8).into();
+    i16 => I16, |value| (value as u16).into();
+    i32 => I32, |value| (value as u32).into();
+    i64 => I64, |value| value as u64;
 }
 
 impl<T: AsNumbers> AsNumbers for [T] {
@@ -208,10 +224,17 @@ pub fn near(
         wrong.push(format!("{} numbers where {} are expected", numbers.len(), wanted.len()));
     }
     for (at, (&(scalar, bits), &(kind, expected))) in numbers.iter().zip(&wanted).enumerate() {
-        let exact = kind.value(expected);
-        let expected = ExpectedNumber::Number(rounded(scalar, exact), exact);
-        let differences: Vec<_> =
-            tolerances.iter().filter_map(|tolerance| tolerance.difference(scalar, &expected, bits)).collect();
+        let differs = |tolerance: &Tolerance| match (scalar.integer(bits), kind.integer(expected)) {
+            (Some(found), wanted) => {
+                tolerance.integer_difference(found, wanted.ok_or_else(|| kind.value(expected)))
+            }
+            (None, wanted) => {
+                let exact = wanted.map_or_else(|| kind.value(expected), |wanted| wanted as f64);
+                let rounded = scalar.format().map_or(0, |format| format.round(exact));
+                tolerance.difference(scalar, &ExpectedNumber::Number(rounded, exact), bits)
+            }
+        };
+        let differences: Vec<_> = tolerances.iter().filter_map(differs).collect();
         if differences.len() == tolerances.len() {
             let at = if numbers.len() > 1 { format!("[{at}]: ") } else { String::new() };
             wrong.push(format!("{at}{}", differences.join("; ")));
@@ -222,14 +245,6 @@ pub fn near(
     }
     let explanation = found.explanation().or_else(|| outcome.map(Explain::explain));
     panic!("`{what}` is not as expected\n  {}{}", wrong.join("\n  "), beneath(explanation));
-}
-
-/// The bits of a number as a type holds it.
-fn rounded(scalar: NumberType, exact: f64) -> u64 {
-    match scalar.format() {
-        Some(format) => format.round(exact),
-        None => exact as i64 as u64 & 0xFFFF_FFFF,
-    }
 }
 
 fn beneath(explanation: Option<String>) -> String {
@@ -278,6 +293,10 @@ where
         Ok(found) => found,
         Err(error) => panic!("{}", error.render()),
     };
+    let is_payload = outcome.payload_data().map_or(Ok(()), |payload| payload.check(&Bytes::of(expected)));
+    if let Err(error) = is_payload {
+        panic!("{}", error.render());
+    }
     if found != *expected && bytemuck::bytes_of(&found) != bytemuck::bytes_of(expected) {
         differ(&format!("{found:#?}"), &format!("{expected:#?}"), outcome);
     }
@@ -312,8 +331,17 @@ fn same(found: &Value, expected: &Value) -> bool {
 
 #[track_caller]
 fn differ(found: &str, expected: &str, outcome: &impl Explain) -> ! {
-    let diff = StrComparison::new(found, expected);
+    let diff = StrComparison::new(found, expected).to_string();
+    let is_read = std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none();
+    let diff = if is_read { diff } else { without_colours(&diff) };
     panic!("the payload is not as expected (found < > expected)\n\n{diff}\n{}", outcome.explain());
+}
+
+/// A text without the escape sequences that colour it.
+fn without_colours(text: &str) -> String {
+    let mut parts = text.split('\u{1b}');
+    let first = parts.next().unwrap_or_default().to_owned();
+    parts.fold(first, |all, part| all + part.split_once('m').map_or("", |(_, rest)| rest))
 }
 
 #[cfg(test)]
@@ -336,10 +364,7 @@ mod tests {
     /// The message of a failing assertion, without colours.
     fn message(assert: impl FnOnce()) -> String {
         let panic = catch_unwind(AssertUnwindSafe(assert)).expect_err("it does not fail");
-        let text = panic.downcast_ref::<String>().expect("a formatted message");
-        let mut parts = text.split('\u{1b}');
-        let first = parts.next().unwrap_or_default().to_owned();
-        parts.fold(first, |all, part| all + part.split_once('m').map_or("", |(_, rest)| rest))
+        without_colours(panic.downcast_ref::<String>().expect("a formatted message"))
     }
 
     #[test]
@@ -376,9 +401,9 @@ mod tests {
     fn a_payload_is_compared_field_by_field() {
         let outcome = outcome();
         assert_payload_eq!(outcome, { "normal": [0.0f32, 0.0, 1.0], "hits": 1 });
-        assert_payload_eq!(outcome, [0.0, 0.0, 1.0, 1.75, f32::from_bits(1)]);
         assert_payload_eq!(outcome, { "normal": [0.0f32, -0.0, 1.0] });
-        assert_payload_eq!(outcome, [-0.0, 0.0, 1.0, 1.75, f32::from_bits(1)]);
+        let text = message(|| assert_payload_eq!(outcome, [-0.0, 0.0, 1.0, 1.75, f32::from_bits(1)]));
+        assert!(text.contains("`hits` is uint, given as `f32`"), "{text}");
         let text = message(|| assert_payload_eq!(outcome, { "normal": [0.0f32, 0.0, 1.0], "hits": 2 }));
         assert!(text.contains("<    hits: 1u") && text.contains(">    hits: 2u"), "{text}");
         assert!(!text.contains("<    t:"), "{text}");

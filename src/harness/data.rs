@@ -6,8 +6,9 @@ use std::sync::Arc;
 use bytemuck::{AnyBitPattern, NoUninit};
 
 use crate::error::{Error, ErrorKind, Result};
+use crate::harness::fit;
 use crate::harness::layout::{Layout, Rules};
-use crate::harness::rust_layout::RustLayout;
+use crate::harness::rust_layout::{Known, RustLayout};
 use crate::harness::scalars::{self, Scalars};
 use crate::harness::value::Value;
 use crate::module::Module;
@@ -53,13 +54,17 @@ impl TypedBytes {
     /// # Errors
     /// `InvalidArgument` where size or types differ; it shows both layouts.
     pub fn read<T: AnyBitPattern + Debug>(&self) -> Result<T> {
-        let misfit = |rust: &RustLayout| self.layout().mismatch(self.what, rust);
         if self.bytes.len() != size_of::<T>() {
-            return Err(misfit(&RustLayout::of(&bytemuck::Zeroable::zeroed() as &T)));
+            let rust = RustLayout::of(&bytemuck::Zeroable::zeroed() as &T);
+            return Err(self.layout().mismatch(self.what, &rust, None));
         }
         let value = bytemuck::pod_read_unaligned(&self.bytes);
         let rust = RustLayout::of::<T>(&value);
-        if rust.contradicts(self.layout()) { Err(misfit(&rust)) } else { Ok(value) }
+        // What a row of numbers reads is in the eye of the reader.
+        if let Known::Classes(_) = rust.known {
+            fit::check_scalars(self.layout(), self.what, &rust, &|| self.bytes.clone())?;
+        }
+        Ok(value)
     }
 
     /// Overwrites it with a plain Rust value.
@@ -86,17 +91,29 @@ impl TypedBytes {
         })?;
         let size = member.size();
         let bytes = self.bytes.get_mut(offset..offset + size).unwrap_or_default();
-        scalars::write(member, bytes, &format!("`{path}` of {}", self.what), &value)
+        scalars::write(member, bytes, &member_of(path, self.what), &value.nested())
     }
 
     /// Overwrites it with bytes of a Rust value.
     pub(super) fn take(&mut self, given: &Bytes) -> Result<()> {
-        if given.bytes.len() != self.bytes.len() || given.rust.contradicts(self.layout()) {
-            return Err(self.layout().mismatch(self.what, &given.rust));
-        }
+        self.check(given)?;
         self.bytes.copy_from_slice(&given.bytes);
         Ok(())
     }
+
+    /// # Errors
+    /// `InvalidArgument` where a Rust value is none of this type.
+    pub(super) fn check(&self, given: &Bytes) -> Result<()> {
+        if given.bytes.len() != self.bytes.len() {
+            return Err(self.layout().mismatch(self.what, &given.rust, None));
+        }
+        fit::check_scalars(self.layout(), self.what, &given.rust, &|| given.bytes.clone())
+    }
+}
+
+/// A member for errors: "`normal` of the payload".
+pub(super) fn member_of(path: &str, whole: &str) -> String {
+    if path.is_empty() { whole.to_owned() } else { format!("`{path}` of {whole}") }
 }
 
 /// Bytes of a Rust value with what is known of their layout.
@@ -109,5 +126,14 @@ pub(super) struct Bytes {
 impl Bytes {
     pub(super) fn of<T: NoUninit + Debug>(value: &T) -> Self {
         Self { rust: RustLayout::of(value), bytes: bytemuck::bytes_of(value).to_vec() }
+    }
+
+    pub(super) fn of_slice<T: NoUninit>(elements: &[T]) -> Self {
+        Self { rust: RustLayout::of_slice(elements), bytes: bytemuck::cast_slice(elements).to_vec() }
+    }
+
+    /// Bytes that are taken as they are.
+    pub(super) fn raw(bytes: &[u8]) -> Self {
+        Self { rust: RustLayout::of_slice(bytes), bytes: bytes.to_vec() }
     }
 }

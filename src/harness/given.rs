@@ -1,7 +1,7 @@
 //! What shaders are given by binding: buffers, images, samplers and push constants, for a scene and
 //! for a shader by itself.
 
-use std::fmt::Debug;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use bytemuck::NoUninit;
 
@@ -9,9 +9,9 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::harness::bound::blocks;
 use crate::harness::data::Bytes;
 use crate::harness::device_buffers::DeviceBuffers;
+use crate::harness::fit::check_block;
 use crate::harness::layout::{Layout, Rules};
 use crate::harness::rust_layout::RustLayout;
-use crate::harness::struct_data::StructData;
 use crate::machine::{Binding, Buffer, Descriptor, Resources};
 use crate::ops::pointer::storage;
 use crate::program::Program;
@@ -22,6 +22,8 @@ pub(super) struct Given {
     pub resources: Resources,
     buffers: Vec<(Binding, RustLayout)>,
     push_constants: Option<RustLayout>,
+    /// The programs for which all this was compared; others of the same resources share it.
+    compared: Arc<Mutex<Vec<Arc<Program>>>>,
     /// Why a buffer cannot lie at its address, or cannot be bound by its name.
     mistake: Option<Error>,
 }
@@ -30,7 +32,7 @@ impl Given {
     pub(super) fn buffer<T: NoUninit>(&mut self, set: u32, binding: u32, elements: &[T]) {
         let bytes: &[u8] = bytemuck::cast_slice(elements);
         self.descriptor(set, binding, Descriptor::Buffer(Buffer::new(bytes)));
-        self.buffers.push((Binding { set, binding }, RustLayout::opaque::<[T]>(bytes.len())));
+        self.buffers.push((Binding { set, binding }, RustLayout::of_slice(elements)));
     }
 
     pub(super) fn buffer_at<T: NoUninit>(&mut self, address: u64, elements: &[T]) {
@@ -60,18 +62,13 @@ impl Given {
 
     pub(super) fn descriptor(&mut self, set: u32, binding: u32, descriptor: Descriptor) {
         let place = Binding { set, binding };
+        self.compared = Arc::default();
         self.buffers.retain(|(known, _)| *known != place);
         self.resources.insert(place, 0, descriptor);
     }
 
-    pub(super) fn push_constants<T: NoUninit + Debug>(&mut self, constants: &T) {
-        let given = Bytes::of(constants);
-        self.resources.push_constants = Some(Buffer::new(&given.bytes));
-        self.push_constants = Some(given.rust);
-    }
-
-    pub(super) fn push_constants_data(&mut self, data: &StructData) {
-        let given = data.given();
+    pub(super) fn push_constants(&mut self, given: Bytes) {
+        self.compared = Arc::default();
         self.resources.push_constants = Some(Buffer::new(&given.bytes));
         self.push_constants = Some(given.rust);
     }
@@ -80,51 +77,53 @@ impl Given {
     ///
     /// # Errors
     /// `InvalidArgument` with both layouts.
-    pub(super) fn check(&self, program: &Program) -> Result<()> {
+    pub(super) fn check(&self, program: &Arc<Program>) -> Result<()> {
         if let Some(mistake) = &self.mistake {
             return Err(mistake.clone());
         }
-        if self.buffers.is_empty() && self.push_constants.is_none() {
+        let mut compared = self.compared.lock().unwrap_or_else(PoisonError::into_inner);
+        if compared.iter().any(|known| Arc::ptr_eq(known, program)) {
             return Ok(());
         }
         for (ty, class, place) in blocks(program) {
-            let layout = || Layout::new(&program.module, ty, Rules::Explicit);
+            let layout = Layout::new(&program.module, ty, Rules::Explicit);
             if let Some((Binding { set, binding }, rust)) =
                 self.buffers.iter().find(|(known, _)| Some(*known) == place)
             {
-                misfit(&layout(), &format!("buffer {binding} of set {set}"), rust)?;
+                let what = format!("buffer {binding} of set {set}");
+                let bytes =
+                    || self.resources.buffer(*set, *binding).map_or_else(Vec::new, |found| found.bytes());
+                check_block(layout, &what, rust, &bytes)?;
             }
             if let Some(rust) = self.push_constants.as_ref().filter(|_| class == storage::PUSH_CONSTANT) {
-                let layout = layout();
-                misfit(&layout, "the push constants", rust)?;
-                if rust.contradicts(layout) {
-                    return Err(layout.mismatch("the push constants", rust));
-                }
+                let constants = &self.resources.push_constants;
+                let bytes = || constants.as_ref().map_or_else(Vec::new, |found| found.bytes());
+                check_block(layout, "the push constants", rust, &bytes)?;
             }
         }
+        compared.push(program.clone());
         Ok(())
     }
-}
-
-/// Why bytes cannot be the content of a block.
-pub(super) fn misfit(layout: &Layout<'_>, what: &str, rust: &RustLayout) -> Result<(), Error> {
-    let fits = match layout.runtime_stride() {
-        Some((offset, stride)) => rust.size >= offset && (rust.size - offset).is_multiple_of(stride.max(1)),
-        None => rust.size >= layout.size(),
-    };
-    if fits { Ok(()) } else { Err(layout.mismatch(what, rust)) }
 }
 
 /// The methods of a builder that bind resources.
 macro_rules! gives_resources {
     ($builder:ty) => {
         impl $builder {
-            /// Binds a storage or uniform buffer with these elements. A size that is not the
-            /// shaders' is an error of the run, with both layouts.
+            /// Binds a storage or uniform buffer with these elements. A size, a stride or a scalar
+            /// that is not the shaders' is an error of the run, with both layouts; `u8`s are taken
+            /// as they are.
             #[must_use]
             pub fn buffer<T: bytemuck::NoUninit>(mut self, set: u32, binding: u32, elements: &[T]) -> Self {
                 self.given.buffer(set, binding, elements);
                 self
+            }
+
+            /// Binds a storage or uniform buffer with these bytes, little-endian, whatever types the
+            /// shaders declare. Fewer bytes than they declare are an error of the run.
+            #[must_use]
+            pub fn buffer_bytes(self, set: u32, binding: u32, bytes: &[u8]) -> Self {
+                self.buffer(set, binding, bytes)
             }
 
             /// Puts a buffer with these elements at a device address, for shaders that reach it by
@@ -188,17 +187,26 @@ macro_rules! gives_resources {
                 self
             }
 
-            /// Sets the push constants.
+            /// Sets the push constants. A size or a scalar that is not the shaders' is an error of
+            /// the run, with both layouts.
             #[must_use]
             pub fn push_constants<T: bytemuck::NoUninit + std::fmt::Debug>(mut self, constants: &T) -> Self {
-                self.given.push_constants(constants);
+                self.given.push_constants(crate::harness::data::Bytes::of(constants));
+                self
+            }
+
+            /// Sets the push constants to these bytes, little-endian, whatever types the shaders
+            /// declare.
+            #[must_use]
+            pub fn push_constants_bytes(mut self, bytes: &[u8]) -> Self {
+                self.given.push_constants(crate::harness::data::Bytes::raw(bytes));
                 self
             }
 
             /// Sets the push constants to a struct that is written by the names of its members.
             #[must_use]
             pub fn push_constants_data(mut self, data: &crate::harness::struct_data::StructData) -> Self {
-                self.given.push_constants_data(data);
+                self.given.push_constants(data.given());
                 self
             }
         }

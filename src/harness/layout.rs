@@ -106,7 +106,8 @@ impl Layout<'_> {
             }
             Type::Vector { component, count } => {
                 let part = self.part(*component);
-                Value::list(name, whole, list(*count as usize, part.size(), part, budget))
+                let stride = self.component_stride(part.size());
+                Value::list(name, whole, list(*count as usize, stride, part, budget))
             }
             Type::Matrix { column, count } => {
                 let columns = match self.matrix.filter(|_| self.explicit()) {
@@ -157,15 +158,18 @@ impl Layout<'_> {
         }
     }
 
-    /// An error about a Rust type that does not fit; it shows both layouts side by side.
-    pub(super) fn mismatch(self, what: &str, rust: &RustLayout) -> Error {
+    /// An error about a Rust type that does not fit, with the reason where one part is at fault; it
+    /// shows both layouts side by side.
+    pub(super) fn mismatch(self, what: &str, rust: &RustLayout, why: Option<String>) -> Error {
         let stride = self.runtime_stride();
         let wanted = match stride {
             None => format!("{} bytes", self.size()),
             Some((offset, stride)) => format!("{offset} bytes and {stride} for each element"),
         };
         let name = self.module.describe_type(self.ty);
-        let message = if stride.is_none() && rust.size == self.size() {
+        let message = if let Some(why) = why {
+            format!("{what}: {why}")
+        } else if stride.is_none() && rust.size == self.size() {
             format!("{what}: the scalars of `{}` are not those of the shader's {name}", rust.name)
         } else {
             format!("{what}: `{}` has {} bytes, the shader's {name} {wanted}", rust.name, rust.size)

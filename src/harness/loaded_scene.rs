@@ -1,5 +1,6 @@
 //! A scene file, changed and launched from Rust.
 
+use std::fmt::Debug;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -12,7 +13,10 @@ use crate::debug::render::{self, RenderOptions};
 use crate::debug::{ExplainRequest, Session};
 use crate::error::names::nearest;
 use crate::error::{Error, ErrorKind, Result};
-use crate::harness::bound::{self, Bound};
+use crate::harness::bound::{self, Bound, blocks};
+use crate::harness::data::Bytes;
+use crate::harness::fit::check_block;
+use crate::harness::layout::{Layout, Rules};
 use crate::harness::many_seeds::ManySeeds;
 use crate::harness::memory::copied;
 use crate::harness::observe::fresh_resources;
@@ -22,10 +26,13 @@ use crate::harness::struct_data::StructData;
 use crate::harness::texels::Texels;
 use crate::harness::typed_scene;
 use crate::harness::value::Value;
-use crate::machine::Resources;
 use crate::machine::printed::PrintedLine;
+use crate::machine::{Binding, Resources};
 use crate::module::Module;
+use crate::module::ty::TypeId;
+use crate::ops::pointer::storage;
 use crate::pipeline::{Pipeline, Stats};
+use crate::program::Program;
 use crate::scene::addresses::Addresses;
 use crate::scene::assemble::read;
 use crate::scene::resolved::{ResolvedGroup, ResolvedRecord, ShaderCode};
@@ -77,9 +84,9 @@ impl Source {
 /// A change of a scene.
 #[derive(Clone, Debug)]
 enum Change {
-    Buffer(String, Vec<u8>),
-    PushConstants(Vec<u8>),
-    ShaderRecord(String, Vec<u8>),
+    Buffer(String, Bytes),
+    PushConstants(Bytes),
+    ShaderRecord(String, Bytes),
     Transform(usize, [[f32; 4]; 3]),
     Motion(usize, Motion),
     Shader(String, PathBuf, ShaderCode),
@@ -111,12 +118,36 @@ impl LoadedScene {
         Ok(Self { source, options, scene, changes: Vec::new() })
     }
 
-    /// Replaces the content of a buffer, by the resource's name in the scene.
+    /// Replaces the content of a buffer, by the resource's name in the scene. Its size stays, and
+    /// scalars and strides must be those of the shaders: what runs the scene compares them.
+    /// [`LoadedScene::set_buffer_bytes`] gives it another size.
+    ///
+    /// # Errors
+    /// `InvalidArgument` where the scene has no buffer of that name, or of another size.
+    pub fn set_buffer<T: NoUninit>(&mut self, name: &str, elements: &[T]) -> Result<&mut Self> {
+        let given = Bytes::of_slice(elements);
+        let known = self.scene.resources.iter().find(|one| one.name == name);
+        let size = known.and_then(|one| one.resource.buffer_size().ok().flatten());
+        let unbound = || self.scene.unbound.iter().find(|one| one.name == name)?.data.size().ok();
+        match size.or_else(unbound) {
+            Some(size) if size != given.bytes.len() as u64 => {
+                let message = format!(
+                    "the buffer `{name}` has {size} bytes in the scene, and `{}` {}",
+                    given.rust.name, given.rust.size
+                );
+                Err(invalid(message).note("`set_buffer_bytes` gives it another size"))
+            }
+            _ => self.change(Change::Buffer(name.to_owned(), given)),
+        }
+    }
+
+    /// Replaces the content of a buffer by bytes, little-endian, whatever types the shaders declare.
+    /// The buffer has their size.
     ///
     /// # Errors
     /// `InvalidArgument` where the scene has no buffer of that name.
-    pub fn set_buffer<T: NoUninit>(&mut self, name: &str, elements: &[T]) -> Result<&mut Self> {
-        self.change(Change::Buffer(name.to_owned(), bytemuck::cast_slice(elements).to_vec()))
+    pub fn set_buffer_bytes(&mut self, name: &str, bytes: &[u8]) -> Result<&mut Self> {
+        self.change(Change::Buffer(name.to_owned(), Bytes::raw(bytes)))
     }
 
     /// The device address of a buffer or an acceleration structure, by its name: for data that
@@ -137,28 +168,38 @@ impl LoadedScene {
         })
     }
 
-    /// Replaces the scene's push constants.
+    /// Replaces the scene's push constants. Size and scalars must be those of the shaders: what runs
+    /// the scene compares them.
     ///
     /// # Errors
-    /// None: it returns a result as its siblings do.
-    pub fn set_push_constants<T: NoUninit>(&mut self, constants: &T) -> Result<&mut Self> {
-        self.change(Change::PushConstants(bytemuck::bytes_of(constants).to_vec()))
+    /// `InvalidArgument` where no shader of the scene declares push constants.
+    pub fn set_push_constants<T: NoUninit + Debug>(&mut self, constants: &T) -> Result<&mut Self> {
+        self.push_constants(Bytes::of(constants))
     }
 
     /// Replaces the scene's push constants by a struct that is written by the names of its members.
     ///
     /// # Errors
-    /// None: it returns a result as its siblings do.
+    /// As [`LoadedScene::set_push_constants`].
     pub fn set_push_constants_data(&mut self, constants: &StructData) -> Result<&mut Self> {
-        self.set_push_constants_bytes(constants.bytes())
+        self.push_constants(constants.given())
     }
 
-    /// Replaces the bytes of the scene's push constants.
+    /// Replaces the scene's push constants by bytes, little-endian, whatever types the shaders
+    /// declare.
     ///
     /// # Errors
-    /// None: it returns a result as its siblings do.
+    /// As [`LoadedScene::set_push_constants`].
     pub fn set_push_constants_bytes(&mut self, bytes: &[u8]) -> Result<&mut Self> {
-        self.change(Change::PushConstants(bytes.to_vec()))
+        self.push_constants(Bytes::raw(bytes))
+    }
+
+    fn push_constants(&mut self, given: Bytes) -> Result<&mut Self> {
+        let assembled = assemble(&self.scene)?;
+        if assembled.programs().all(|program| blocks_in(program, storage::PUSH_CONSTANT).next().is_none()) {
+            return Err(invalid("no shader of the scene declares push constants".into()));
+        }
+        self.change(Change::PushConstants(given))
     }
 
     /// Replaces the data of a shader record: of a ray generation, miss, hit or callable record by
@@ -166,8 +207,8 @@ impl LoadedScene {
     ///
     /// # Errors
     /// `InvalidArgument` where the scene has no such record, or several.
-    pub fn set_shader_record<T: NoUninit>(&mut self, name: &str, record: &T) -> Result<&mut Self> {
-        self.set_shader_record_bytes(name, bytemuck::bytes_of(record))
+    pub fn set_shader_record<T: NoUninit + Debug>(&mut self, name: &str, record: &T) -> Result<&mut Self> {
+        self.change(Change::ShaderRecord(name.to_owned(), Bytes::of(record)))
     }
 
     /// Replaces the data of a shader record by a struct that is written by the names of its
@@ -176,15 +217,16 @@ impl LoadedScene {
     /// # Errors
     /// As [`LoadedScene::set_shader_record`].
     pub fn set_shader_record_data(&mut self, name: &str, record: &StructData) -> Result<&mut Self> {
-        self.set_shader_record_bytes(name, record.bytes())
+        self.change(Change::ShaderRecord(name.to_owned(), record.given()))
     }
 
-    /// Replaces the bytes of a shader record's data.
+    /// Replaces the data of a shader record by bytes, little-endian, whatever types the shader
+    /// declares.
     ///
     /// # Errors
     /// As [`LoadedScene::set_shader_record`].
     pub fn set_shader_record_bytes(&mut self, name: &str, bytes: &[u8]) -> Result<&mut Self> {
-        self.change(Change::ShaderRecord(name.to_owned(), bytes.to_vec()))
+        self.change(Change::ShaderRecord(name.to_owned(), Bytes::raw(bytes)))
     }
 
     /// The module of a shader, by its name below `[shaders]`, for [`StructData`]; a source is
@@ -277,13 +319,25 @@ impl LoadedScene {
     /// cameras follow, and all changes are made again.
     ///
     /// # Errors
-    /// As [`LoadedScene::open`].
+    /// As [`LoadedScene::open`], and `InvalidArgument` for a scene without a ray generation shader.
     pub fn set_launch_size(&mut self, size: [u32; 2]) -> Result<&mut Self> {
+        if self.scene.all_pipelines().all(|pipeline| pipeline.sbt.raygen.is_empty()) {
+            return Err(invalid(
+                "the scene has no launch that could have a size: it has dispatches alone".into(),
+            ));
+        }
         let options = LoadOptions { size: Some(size), ..self.options.clone() };
         let mut scene = self.source.read(&options)?;
         self.changes.iter().try_for_each(|change| change.apply(&mut scene))?;
         (self.options, self.scene) = (options, scene);
         Ok(self)
+    }
+
+    /// The scene, ready to run, with its changes compared with what its shaders declare.
+    fn assembled(&self) -> Result<Assembled> {
+        let assembled = assemble(&self.scene)?;
+        self.changes.iter().try_for_each(|change| change.check(&self.scene, &assembled))?;
+        Ok(assembled)
     }
 
     fn change(&mut self, change: Change) -> Result<&mut Self> {
@@ -298,7 +352,7 @@ impl LoadedScene {
     /// # Errors
     /// Every mistake in shaders, groups and images, each at its place in the scene; the first trap.
     pub fn launch(&self) -> Result<SceneOutcome> {
-        let assembled = assemble(&self.scene)?;
+        let assembled = self.assembled()?;
         let resources = fresh_resources(&assembled.resources);
         let stats = assembled.run::<64>(&resources, &|_| ())?;
         Ok(self.outcome(&assembled, None, stats, resources))
@@ -326,7 +380,7 @@ impl LoadedScene {
         let Some((_, tlas)) = self.scene.tlas.first() else {
             return Err(invalid("the scene has no acceleration structure".into()));
         };
-        let assembled = assemble(&self.scene)?;
+        let assembled = self.assembled()?;
         let resources = fresh_resources(&assembled.resources);
         Ok((assembled.pipeline, Scene::of_parts(tlas.clone(), resources)))
     }
@@ -349,7 +403,7 @@ impl LoadedScene {
     /// # Errors
     /// `Finding` for what it denies, all in one error; else as [`LoadedScene::launch`].
     pub fn sanitize(&self) -> Result<Vec<Error>> {
-        let assembled = assemble(&self.scene)?;
+        let assembled = self.assembled()?;
         let resources = fresh_resources(&assembled.resources);
         let run = run_sanitized(&self.scene, &assembled, &resources, &scene_levels(&self.scene.document)?)?;
         run.findings.into_warnings(run.outcome.map(|_| ()))
@@ -375,7 +429,7 @@ impl LoadedScene {
     /// `Finding` for the differences that are denied, all in one error; else as
     /// [`LoadedScene::launch`].
     pub fn many_seeds(&self, seeds: u64) -> Result<Vec<Error>> {
-        let assembled = assemble(&self.scene)?;
+        let assembled = self.assembled()?;
         let drawn = ManySeeds {
             seeds: 0..seeds,
             levels: scene_levels(&self.scene.document)?,
@@ -391,7 +445,7 @@ impl LoadedScene {
     /// # Errors
     /// As [`LoadedScene::launch`], and `InvalidArgument` where the scene has no such pass.
     pub fn launch_pass(&self, pass: &str) -> Result<SceneOutcome> {
-        let assembled = assemble(&self.scene)?;
+        let assembled = self.assembled()?;
         let number = assembled.pass_number(pass)?;
         let resources = fresh_resources(&assembled.resources);
         let stats = assembled.run_pass::<64>(&assembled.passes[number], &resources, &|_| ())?;
@@ -404,7 +458,7 @@ impl LoadedScene {
     /// # Errors
     /// As [`LoadedScene::launch`].
     pub fn launch_each(&self) -> Result<Vec<SceneOutcome>> {
-        let assembled = assemble(&self.scene)?;
+        let assembled = self.assembled()?;
         let resources = fresh_resources(&assembled.resources);
         let mut outcomes = Vec::new();
         for (number, pass) in assembled.passes.iter().enumerate() {
@@ -471,7 +525,7 @@ impl LoadedScene {
 impl Change {
     fn apply(&self, scene: &mut ResolvedScene) -> Result<()> {
         match self {
-            Self::Buffer(name, bytes) => {
+            Self::Buffer(name, given) => {
                 scene.keep_addresses();
                 let ResolvedScene { resources, unbound, .. } = scene;
                 let names = resources.iter().filter(|one| one.resource.data().is_some());
@@ -486,15 +540,15 @@ impl Change {
                 });
                 let mut unbound = unbound.iter_mut();
                 let unbound = || unbound.find(|one| one.name == *name).map(|one| &mut one.data);
-                *bound.or_else(unbound).ok_or(unknown)? = bytes.clone().into();
+                *bound.or_else(unbound).ok_or(unknown)? = given.bytes.clone().into();
             }
-            Self::PushConstants(bytes) => {
+            Self::PushConstants(given) => {
                 scene.keep_addresses();
-                scene.push_constants = bytes.clone().into();
+                scene.push_constants = given.bytes.clone().into();
             }
-            Self::ShaderRecord(name, bytes) => {
+            Self::ShaderRecord(name, given) => {
                 scene.keep_addresses();
-                record(scene, name)?.data = bytes.clone().into();
+                record(scene, name)?.data = given.bytes.clone().into();
             }
             Self::Transform(instance, rows) => {
                 change_instance(scene, *instance, |found| (found.transform, found.motion) = (*rows, None))?;
@@ -514,6 +568,55 @@ impl Change {
         }
         Ok(())
     }
+}
+
+impl Change {
+    /// Compares data with what shaders declare.
+    ///
+    /// # Errors
+    /// `InvalidArgument` with both layouts.
+    fn check(&self, scene: &ResolvedScene, assembled: &Assembled) -> Result<()> {
+        let compare = |program: &Arc<Program>, ty: TypeId, what: &str, given: &Bytes| {
+            let layout = Layout::new(&program.module, ty, Rules::Explicit);
+            check_block(layout, what, &given.rust, &|| given.bytes.clone())
+        };
+        match self {
+            Self::Buffer(name, given) => {
+                let Some(found) = scene.resources.iter().find(|one| one.name == *name) else { return Ok(()) };
+                let kept = Binding { set: found.set, binding: found.binding };
+                for (program, at) in assembled.readers_of(kept) {
+                    for (ty, ..) in blocks(program).filter(|block| block.2 == Some(at)) {
+                        compare(program, ty, &format!("the buffer `{name}`"), given)?;
+                    }
+                }
+            }
+            Self::PushConstants(given) => {
+                for program in assembled.programs() {
+                    for ty in blocks_in(program, storage::PUSH_CONSTANT) {
+                        compare(program, ty, "the push constants", given)?;
+                    }
+                }
+            }
+            Self::ShaderRecord(name, given) => {
+                // That of any shader: a record says which one runs by its handle.
+                let blocks = assembled.programs().flat_map(|program| {
+                    blocks_in(program, storage::SHADER_RECORD_BUFFER).map(move |ty| (program, ty))
+                });
+                let what = format!("the shader record `{name}`");
+                let judged: Vec<_> = blocks.map(|(program, ty)| compare(program, ty, &what, given)).collect();
+                if judged.iter().all(Result::is_err) {
+                    judged.into_iter().next().unwrap_or(Ok(()))?;
+                }
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+}
+
+/// The types of the blocks of a program in a storage class.
+fn blocks_in(program: &Program, class: u32) -> impl Iterator<Item = TypeId> + '_ {
+    blocks(program).filter(move |block| block.1 == class).map(|(ty, ..)| ty)
 }
 
 fn change_instance(
@@ -677,9 +780,6 @@ mod tests {
         scene.set_buffer("numbers", &[10u32, 20]).unwrap();
         assert_eq!(numbers(&scene), [11, 21]);
         scene.set_shader_source("add", "other.wgsl", &add(5)).unwrap();
-        assert_eq!(numbers(&scene), [15, 25]);
-        // What was changed before stays, where the scene is read again.
-        scene.set_launch_size([4, 4]).unwrap();
         assert_eq!(numbers(&scene), [15, 25]);
 
         let error = scene.set_buffer("number", &[1u32]).unwrap_err();

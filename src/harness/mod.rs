@@ -19,6 +19,7 @@ pub mod compute_test;
 pub mod data;
 pub mod device_buffers;
 pub mod explain;
+mod fit;
 mod given;
 pub mod hit;
 pub mod host_layout;

@@ -74,6 +74,18 @@ impl NumberType {
         }
     }
 
+    /// The value of its bits, where it is an integer type.
+    pub(super) fn integer(self, bits: u64) -> Option<i128> {
+        Some(match self {
+            Self::U8 | Self::U16 | Self::U32 | Self::U64 => bits.into(),
+            Self::I8 => (bits as i8).into(),
+            Self::I16 => (bits as i16).into(),
+            Self::I32 => (bits as i32).into(),
+            Self::I64 => (bits as i64).into(),
+            _ => return None,
+        })
+    }
+
     fn is_nan(self, bits: u64) -> bool {
         self.is_float() && self.value(bits).is_nan()
     }
@@ -134,18 +146,21 @@ impl Tolerance {
     /// What is wrong with bits of a type where a number is expected; `None` if nothing is.
     pub fn difference(self, scalar: NumberType, expected: &ExpectedNumber, found: u64) -> Option<String> {
         let ExpectedNumber::Number(bits, exact) = *expected else { return None };
-        if bits == found || scalar.is_nan(bits) && scalar.is_nan(found) {
+        // A number beyond the range of the type is not the infinity that it rounds to.
+        let is_beyond = exact.is_finite() && !scalar.value(bits).is_finite();
+        if bits == found && !is_beyond || scalar.is_nan(bits) && scalar.is_nan(found) {
             return None;
         }
         let value = scalar.value(found);
         let distance = (value - exact).abs();
-        let holds = match self {
-            Self::Exact => false,
-            Self::Absolute(bound) => distance <= bound,
-            Self::Relative(bound) => distance <= bound * exact.abs(),
-            // Half an ulp, judged in f64, needs a hair more.
-            Self::Ulp(bound) => distance / ulp_of(scalar, exact) <= bound * (1.0 + 1e-9),
-        };
+        let holds = distance.is_finite()
+            && match self {
+                Self::Exact => false,
+                Self::Absolute(bound) => distance <= bound,
+                Self::Relative(bound) => distance <= bound * exact.abs(),
+                // Half an ulp, judged in f64, needs a hair more.
+                Self::Ulp(bound) => distance / ulp_of(scalar, exact) <= bound * (1.0 + 1e-9),
+            };
         if holds {
             return None;
         }
@@ -167,7 +182,34 @@ impl Tolerance {
                 format!(", {:e} of it away and {bound:e} allowed", distance / exact.abs())
             }
         };
-        Some(format!("expected {}, found {}{away}", scalar.describe(bits), scalar.describe(found)))
+        let wanted = if is_beyond { format!("{exact:?}") } else { scalar.describe(bits) };
+        Some(format!("expected {wanted}, found {}{away}", scalar.describe(found)))
+    }
+
+    /// What is wrong with an integer where an integer or a float is expected. Both are compared
+    /// exactly; the unit in the last place is 1.
+    pub(super) fn integer_difference(
+        self,
+        found: i128,
+        wanted: std::result::Result<i128, f64>,
+    ) -> Option<String> {
+        /// Up to here every float without a fraction is an `i128`.
+        const WHOLE: f64 = 1e30;
+        let wanted = match wanted {
+            Err(float) if float.fract() == 0.0 && float.abs() < WHOLE => Ok(float as i128),
+            other => other,
+        };
+        let (distance, size, text) = match wanted {
+            Ok(number) => ((found - number).abs() as f64, (number as f64).abs(), number.to_string()),
+            Err(float) => ((found as f64 - float).abs(), float.abs(), format!("{float:?}")),
+        };
+        let bound = match self {
+            Self::Exact => 0.0,
+            Self::Absolute(bound) | Self::Ulp(bound) => bound,
+            Self::Relative(bound) => bound * size,
+        };
+        let holds = wanted == Ok(found) || distance.is_finite() && distance <= bound;
+        (!holds).then(|| format!("expected {text}, found {found}, {distance} away and {bound} allowed"))
     }
 }
 
@@ -221,6 +263,10 @@ mod tests {
             assert!(!holds(tolerance, 1.0, f32::NAN), "{tolerance:?}");
             assert!(!holds(tolerance, 1.0, f32::INFINITY), "{tolerance:?}");
             assert!(holds(tolerance, f32::INFINITY, f32::INFINITY), "{tolerance:?}");
+            assert!(!holds(tolerance, f32::INFINITY, 1.0), "{tolerance:?}");
+            assert!(!holds(tolerance, f32::INFINITY, f32::NEG_INFINITY), "{tolerance:?}");
+            let beyond = ExpectedNumber::Number(f32::INFINITY.to_bits().into(), 1e300);
+            assert!(tolerance.difference(NumberType::F32, &beyond, f32::INFINITY.to_bits().into()).is_some());
         }
     }
 
@@ -231,6 +277,26 @@ mod tests {
         let found = |bits| Tolerance::Ulp(0.5).difference(NumberType::F32, &third, bits).is_none();
         assert!(found(0x3eaa_aaab));
         assert!(!found(0x3eaa_aaaa));
+    }
+
+    #[test]
+    fn integers_are_compared_exactly() {
+        let holds =
+            |tolerance: Tolerance, found: i128, wanted| tolerance.integer_difference(found, wanted).is_none();
+        for tolerance in
+            [Tolerance::Exact, Tolerance::Absolute(0.0), Tolerance::Ulp(0.0), Tolerance::Relative(0.0)]
+        {
+            assert!(holds(tolerance, 7, Ok(7)) && holds(tolerance, 7, Err(7.0)));
+            assert!(!holds(tolerance, 7, Err(7.999)) && !holds(tolerance, 7, Err(4_294_967_303.0)));
+            assert!(!holds(tolerance, 0, Err(f64::NAN)) && !holds(tolerance, -1, Err(f64::INFINITY)));
+            // 2^53 and 2^53 + 1 are one float.
+            assert!(!holds(tolerance, (1 << 53) + 1, Ok(1 << 53)));
+            assert!(!holds(tolerance, (1 << 53) + 1, Err(9_007_199_254_740_992.0)));
+        }
+        assert!(
+            holds(Tolerance::Absolute(0.5), 7, Err(7.5)) && !holds(Tolerance::Absolute(0.5), 7, Err(7.75))
+        );
+        assert!(holds(Tolerance::Relative(0.5), -2, Ok(-4)) && !holds(Tolerance::Relative(0.5), -1, Ok(-4)));
     }
 
     #[test]

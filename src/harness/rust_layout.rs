@@ -1,18 +1,16 @@
-//! The layout of a Rust type, as far as its `Debug` text shows it.
+//! The layout of a Rust type, as far as its name and its `Debug` text show it.
 //!
-//! bytemuck's traits promise plain bytes and name no fields. `#[derive(Debug)]` does: `Payload {
-//! normal: [0.0, 0.0, 1.0], hits: 3 }` is three floats and an integer, in the order of the fields.
-//! So an error can show both layouts, and floats where the shader has integers are found. A text of
-//! another form, from a `Debug` written by hand, tells nothing and is not held against the type.
+//! Scalars, and arrays and slices of them, are known by the type's name: `[[f32; 4]; 2]`. bytemuck's
+//! traits promise that other types are plain bytes without padding, and name no fields;
+//! `#[derive(Debug)]` does: `Payload { normal: [0.0, 0.0, 1.0], hits: 3 }` is three floats and an
+//! integer, in the order of the fields. A text of another form, from a `Debug` written by hand,
+//! tells nothing and is not held against the type. `u8`s are bytes, of which nothing is claimed.
 
 use std::fmt::Debug;
 
-use crate::module::ty::Type;
-use crate::program::layout::Layout;
-
-/// What kind of scalar a number in the text is.
+/// What kind of scalar a number is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Class {
+pub(super) enum Class {
     Float,
     Integer,
 }
@@ -43,17 +41,85 @@ impl Field {
     }
 }
 
-/// A Rust type: name, size, and its fields as far as they are known.
+/// A scalar type of Rust.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct HostScalar {
+    pub name: &'static str,
+    /// Its size in bytes.
+    pub size: usize,
+    pub class: Class,
+    pub signed: bool,
+}
+
+impl HostScalar {
+    const ALL: [Self; 13] = [
+        Self::integer("u8", 1, false),
+        Self::integer("u16", 2, false),
+        Self::integer("u32", 4, false),
+        Self::integer("u64", 8, false),
+        Self::integer("usize", size_of::<usize>(), false),
+        Self::integer("i8", 1, true),
+        Self::integer("i16", 2, true),
+        Self::integer("i32", 4, true),
+        Self::integer("i64", 8, true),
+        Self::float("f16", 2),
+        Self::float("bf16", 2),
+        Self::float("f32", 4),
+        Self::float("f64", 8),
+    ];
+
+    const fn integer(name: &'static str, size: usize, signed: bool) -> Self {
+        Self { name, size, class: Class::Integer, signed }
+    }
+
+    const fn float(name: &'static str, size: usize) -> Self {
+        Self { name, size, class: Class::Float, signed: true }
+    }
+
+    /// A value of the type as Rust writes it.
+    pub(super) fn text(self, bytes: &[u8]) -> String {
+        let mut word = [0; 8];
+        let count = bytes.len().min(8);
+        word[..count].copy_from_slice(&bytes[..count]);
+        let bits = u64::from_le_bytes(word);
+        let unused = 64 - 8 * self.size as u32;
+        match (self.class, self.size, self.signed) {
+            (Class::Float, 8, _) => format!("{:?}", f64::from_bits(bits)),
+            (Class::Float, 4, _) => format!("{:?}", f32::from_bits(bits as u32)),
+            (Class::Float, ..) => format!("bits {bits:#06x}"),
+            (Class::Integer, _, true) => ((bits << unused) as i64 >> unused).to_string(),
+            (Class::Integer, ..) => bits.to_string(),
+        }
+    }
+}
+
+/// What is known of the bytes.
+#[derive(Clone, Debug)]
+pub(super) enum Known {
+    /// Nothing but their size.
+    Nothing,
+    /// They are given as bytes.
+    Bytes,
+    /// Scalars of one type, in arrays of these lengths from the outermost.
+    Row(HostScalar, Vec<usize>),
+    /// The classes of all scalars in their order; the sizes are not known.
+    Classes(Vec<Class>),
+    /// The offset and text of each part of a struct of a module.
+    Block(Vec<(usize, String)>),
+}
+
+/// A Rust type: name, size, and its scalars as far as they are known.
 #[derive(Clone, Debug)]
 pub struct RustLayout {
     /// The type's name, without the paths of modules.
     pub name: String,
     /// The size in bytes.
     pub size: usize,
+    /// The bytes of an element of a slice; the size of a value.
+    pub(super) element: usize,
+    pub(super) known: Known,
     /// Its fields in order; empty where the text shows none.
     fields: Vec<Field>,
-    /// Whether the fields have names: a row of numbers makes no claim about types.
-    named: bool,
     /// Bytes of each scalar, where they fill the type without gaps.
     scalar: Option<usize>,
 }
@@ -61,17 +127,50 @@ pub struct RustLayout {
 impl RustLayout {
     /// The layout of a value's type.
     pub fn of<T: Debug>(value: &T) -> Self {
-        Self::from_text(short(std::any::type_name::<T>()), size_of::<T>(), &format!("{value:?}"))
+        let name = std::any::type_name::<T>();
+        match row(name) {
+            Some((scalar, lengths)) => Self::of_row(scalar, lengths, size_of::<T>()),
+            None => Self::from_text(short(name), size_of::<T>(), &format!("{value:?}")),
+        }
     }
 
-    /// A type whose fields are of no interest.
-    pub fn opaque<T: ?Sized>(size: usize) -> Self {
-        Self::untold(short(std::any::type_name::<T>()), size)
+    /// The layout of a slice of elements.
+    pub fn of_slice<T>(elements: &[T]) -> Self {
+        let name = std::any::type_name::<T>();
+        let size = size_of_val(elements);
+        match row(name) {
+            Some((scalar, mut lengths)) => {
+                lengths.insert(0, elements.len());
+                Self { element: size_of::<T>(), ..Self::of_row(scalar, lengths, size) }
+            }
+            None => {
+                let name = format!("[{}; {}]", short(name), elements.len());
+                Self { element: size_of::<T>(), ..Self::untold(name, size) }
+            }
+        }
     }
 
     /// Bytes by any name.
     pub fn untold(name: String, size: usize) -> Self {
-        Self { name, size, fields: Vec::new(), named: false, scalar: None }
+        Self { name, size, element: size, known: Known::Nothing, fields: Vec::new(), scalar: None }
+    }
+
+    /// A struct of a module with its parts.
+    pub(super) fn of_block(name: String, size: usize, parts: Vec<(usize, String)>) -> Self {
+        Self { known: Known::Block(parts), ..Self::untold(name, size) }
+    }
+
+    fn of_row(scalar: HostScalar, lengths: Vec<usize>, size: usize) -> Self {
+        let mut name = scalar.name.to_owned();
+        for length in lengths.iter().rev() {
+            name = format!("[{name}; {length}]");
+        }
+        let known = match scalar.name {
+            "u8" => Known::Bytes,
+            _ => Known::Row(scalar, lengths.clone()),
+        };
+        let field = Field { path: String::new(), class: scalar.class, shape: lengths };
+        Self { known, fields: vec![field], scalar: Some(scalar.size), ..Self::untold(name, size) }
     }
 
     fn from_text(name: String, size: usize, text: &str) -> Self {
@@ -80,27 +179,17 @@ impl RustLayout {
         let fields = if whole { parser.fields } else { Vec::new() };
         let count: usize = fields.iter().map(Field::count).sum();
         let scalar = [4, 8, 2].into_iter().find(|scalar| count > 0 && count * scalar == size);
-        let named = text.trim_start().starts_with(|first: char| first.is_alphabetic()) && text.contains('{');
-        Self { name, size, fields, named, scalar }
-    }
-
-    /// Whether a field is of another kind of scalar than what the shader has at its place.
-    pub fn contradicts(&self, layout: Layout<'_>) -> bool {
-        let (true, Some(4)) = (self.named, self.scalar) else { return false };
         let classes: Vec<Class> =
-            self.fields.iter().flat_map(|field| std::iter::repeat_n(field.class, field.count())).collect();
-        layout.scalars().iter().any(|(offset, part)| {
-            let class = match layout.module.ty(part.ty) {
-                Type::Float { width: 32, .. } => Class::Float,
-                Type::Int { width: 32, .. } | Type::Bool => Class::Integer,
-                _ => return false,
-            };
-            offset % 4 == 0 && classes.get(offset / 4).is_some_and(|known| *known != class)
-        })
+            fields.iter().flat_map(|field| std::iter::repeat_n(field.class, field.count())).collect();
+        let known = if classes.is_empty() { Known::Nothing } else { Known::Classes(classes) };
+        Self { name, size, element: size, known, fields, scalar }
     }
 
     /// Offset and text of each field; the offset only where it is known.
     pub fn lines(&self) -> Vec<(Option<usize>, String)> {
+        if let Known::Block(parts) = &self.known {
+            return parts.iter().map(|(offset, text)| (Some(*offset), text.clone())).collect();
+        }
         let mut at = 0;
         let line = |field: &Field| {
             let offset = self.scalar.map(|scalar| at * scalar);
@@ -109,6 +198,25 @@ impl RustLayout {
         };
         self.fields.iter().map(line).collect()
     }
+}
+
+/// The scalar type and the lengths of a type that is made of arrays of one scalar type.
+fn row(name: &str) -> Option<(HostScalar, Vec<usize>)> {
+    let mut lengths = Vec::new();
+    let mut rest = name;
+    while let Some(inner) = rest.strip_prefix('[').and_then(|rest| rest.strip_suffix(']')) {
+        let (element, length) = inner.rsplit_once("; ")?;
+        lengths.push(length.parse().ok()?);
+        rest = element;
+    }
+    let name = match rest {
+        "half::binary16::f16" => "f16",
+        "half::bfloat::bf16" => "bf16",
+        name if name.contains(':') => return None,
+        name => name,
+    };
+    let scalar = HostScalar::ALL.into_iter().find(|scalar| scalar.name == name)?;
+    Some((scalar, lengths))
 }
 
 /// A type's name without the paths of modules: `[a::b::C; 2]` becomes `[C; 2]`.
@@ -247,8 +355,21 @@ mod tests {
     #[test]
     fn other_texts_tell_nothing() {
         for text in ["#00ff00", "Colour(#00ff00)", "0x12", "a { b: 1", "1 2", "\"text\""] {
-            assert!(RustLayout::from_text("T".into(), 4, text).fields.is_empty(), "{text}");
+            let layout = RustLayout::from_text("T".into(), 4, text);
+            assert!(layout.fields.is_empty() && matches!(layout.known, Known::Nothing), "{text}");
         }
         assert_eq!(short("[alloc::vec::Vec<a::B>; 2]"), "[Vec<B>; 2]");
+    }
+
+    #[test]
+    fn arrays_of_scalars_are_known_by_their_names() {
+        let f32s = HostScalar::float("f32", 4);
+        assert_eq!(row("[[f32; 4]; 2]"), Some((f32s, vec![2, 4])));
+        assert_eq!(row(std::any::type_name::<half::f16>()).map(|row| row.0.name), Some("f16"));
+        assert_eq!(row(std::any::type_name::<half::bf16>()).map(|row| row.0.name), Some("bf16"));
+        assert_eq!(row("a::f32"), None);
+        let slice = RustLayout::of_slice(&[[1.0f64; 2]; 3]);
+        assert_eq!((slice.name.as_str(), slice.size, slice.element), ("[[f64; 2]; 3]", 48, 16));
+        assert!(matches!(RustLayout::of(&[7u8; 4]).known, Known::Bytes));
     }
 }

@@ -1,176 +1,272 @@
-//! Rust values that builtins, and members of payloads, can be set to.
+//! Rust values that builtins, and members of payloads, records and buffers, can be set to.
 
 use crate::error::names::nearest;
 use crate::error::{Error, ErrorKind, Result};
 use crate::harness::layout::Layout;
-use crate::math::float_format::FloatFormat;
+use crate::module::Module;
+use crate::module::scalar_value::ScalarValue;
 use crate::module::ty::Type;
 use crate::ops::builtin::{self, Builtin, ValueShape};
 
-/// A Rust value made of scalars: `bool`, `u32`, `i32`, `f32`, `u64`, `i64`, `f64`, and arrays of
-/// them (vectors; matrices as arrays of columns).
+/// Scalars in the nesting of arrays: a vector is a list of its components, a matrix a list of its
+/// columns.
+#[derive(Clone, Debug, PartialEq)]
+pub enum NestedScalars {
+    /// One scalar.
+    One(ScalarValue),
+    /// An array, a slice or a vector.
+    Many(Vec<NestedScalars>),
+}
+
+/// A Rust value made of scalars: `bool`, integers and floats of every width, and arrays, slices and
+/// `Vec`s of them. Vectors are arrays of their components, matrices are arrays of columns.
+///
+/// How each becomes a shader's value is a table in docs/testing.md, "What a value may be".
 pub trait Scalars {
-    /// Its scalars in order, matrices column by column.
-    fn scalars(&self) -> Vec<ScalarValue>;
-}
-
-/// One scalar.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum ScalarValue {
-    /// `bool`
-    Bool(bool),
-    /// A signed integer.
-    Int(i64),
-    /// An unsigned integer.
-    Uint(u64),
-    /// `f32`
-    Float(f32),
-    /// `f64`
-    Double(f64),
-}
-
-impl ScalarValue {
-    fn kind(self) -> &'static str {
-        match self {
-            Self::Bool(_) => "bool",
-            Self::Int(_) | Self::Uint(_) => "integer",
-            Self::Float(_) | Self::Double(_) => "float",
-        }
-    }
-
-    /// Its bits as a float of a format; `None` for another kind of scalar.
-    fn as_float(self, format: FloatFormat) -> Option<u64> {
-        match self {
-            // The bits of a NaN stay.
-            Self::Float(value) if format == FloatFormat::Binary32 => Some(value.to_bits().into()),
-            Self::Float(value) => Some(format.round(value.into())),
-            Self::Double(value) => Some(format.round(value)),
-            _ => None,
-        }
-    }
-
-    /// Its bits as an integer of a width and either sign; `None` where it does not fit.
-    fn as_integer(self, width: u32) -> Option<u64> {
-        let value = match self {
-            Self::Int(value) => i128::from(value),
-            Self::Uint(value) => i128::from(value),
-            _ => return None,
-        };
-        let most = (1i128 << width) - 1;
-        let least = -(1i128 << (width - 1));
-        (least..=most).contains(&value).then_some(value as u64 & most as u64)
-    }
+    /// Its scalars in their nesting.
+    fn nested(&self) -> NestedScalars;
 }
 
 macro_rules! scalars {
-    ($($ty:ty => $variant:ident;)*) => {$(
+    ($($ty:ty),*) => {$(
         impl Scalars for $ty {
-            fn scalars(&self) -> Vec<ScalarValue> {
-                vec![ScalarValue::$variant((*self).into())]
+            fn nested(&self) -> NestedScalars {
+                NestedScalars::One((*self).into())
             }
         }
     )*};
 }
 
-scalars! {
-    bool => Bool;
-    u32 => Uint;
-    i32 => Int;
-    u64 => Uint;
-    i64 => Int;
-    f32 => Float;
-    f64 => Double;
-}
+scalars!(bool, u8, u16, u32, u64, usize, i8, i16, i32, i64, half::f16, half::bf16, f32, f64, ScalarValue);
 
 /// Vectors, arrays, and matrices as arrays of columns.
 impl<T: Scalars, const N: usize> Scalars for [T; N] {
-    fn scalars(&self) -> Vec<ScalarValue> {
-        self.iter().flat_map(Scalars::scalars).collect()
+    fn nested(&self) -> NestedScalars {
+        self[..].nested()
     }
 }
 
-impl Scalars for &[ScalarValue] {
-    fn scalars(&self) -> Vec<ScalarValue> {
-        self.to_vec()
+impl<T: Scalars> Scalars for [T] {
+    fn nested(&self) -> NestedScalars {
+        NestedScalars::Many(self.iter().map(Scalars::nested).collect())
+    }
+}
+
+impl<T: Scalars> Scalars for Vec<T> {
+    fn nested(&self) -> NestedScalars {
+        self[..].nested()
+    }
+}
+
+impl<T: Scalars + ?Sized> Scalars for &T {
+    fn nested(&self) -> NestedScalars {
+        (**self).nested()
+    }
+}
+
+impl Scalars for NestedScalars {
+    fn nested(&self) -> NestedScalars {
+        self.clone()
+    }
+}
+
+impl NestedScalars {
+    fn has_negative(&self) -> bool {
+        match self {
+            Self::One(scalar) => matches!(scalar, ScalarValue::Int(value) if *value < 0),
+            Self::Many(list) => list.iter().any(Self::has_negative),
+        }
+    }
+
+    /// The type as Rust writes it, by the first element of each list: `[[float; 2]; 3]`.
+    fn describe(&self) -> String {
+        match self {
+            Self::One(scalar) => scalar.kind().to_owned(),
+            Self::Many(list) => {
+                let element = list.first().map_or_else(|| "nothing".to_owned(), Self::describe);
+                format!("[{element}; {}]", list.len())
+            }
+        }
+    }
+}
+
+/// A scalar of a shader's value that is set: its place in bytes, its bits and their size.
+type Placed = (usize, u64, usize);
+
+/// Lays scalars out as a value of a shader.
+struct Placement<'a> {
+    /// What is set, for errors.
+    what: &'a str,
+    placed: Vec<Placed>,
+}
+
+impl Placement<'_> {
+    /// Adds the scalars of a part that begins at an offset.
+    fn add(&mut self, layout: Layout<'_>, offset: usize, value: &NestedScalars, path: &str) -> Result<()> {
+        let module = layout.module;
+        match (module.ty(layout.ty), value) {
+            (Type::Struct { members, .. }, _) => match &members[..] {
+                // A block of one member is used like the member.
+                [_] => {
+                    let (at, member) = layout.member(0);
+                    self.add(member, offset + at, value, path)
+                }
+                _ => Err(self.is_struct(layout, path)),
+            },
+            (Type::RuntimeArray { element, .. }, NestedScalars::Many(list)) => {
+                let part = Layout { ty: *element, ..layout };
+                list.iter().enumerate().try_for_each(|(index, one)| {
+                    self.add(part, offset + index * layout.stride(), one, &format!("{path}[{index}]"))
+                })
+            }
+            (
+                Type::Bool | Type::Int { .. } | Type::Float { .. } | Type::Pointer { .. },
+                NestedScalars::One(scalar),
+            ) => {
+                // Compilers store the bools of a buffer as 32-bit integers.
+                let bits = match (*scalar, module.ty(layout.ty)) {
+                    (ScalarValue::Bool(value), Type::Int { width: 32, .. }) if layout.explicit() => {
+                        Ok(value.into())
+                    }
+                    (scalar, ty) => scalar.bits(ty),
+                };
+                let bits = bits.map_err(|why| invalid(format!("{}{path}: {why}", self.what)))?;
+                self.placed.push((offset, bits, layout.size()));
+                Ok(())
+            }
+            (_, NestedScalars::Many(list)) if list.len() == layout.parts().len() && !list.is_empty() => {
+                layout.parts().into_iter().zip(list).enumerate().try_for_each(|(index, ((at, part), one))| {
+                    self.add(part, offset + at, one, &format!("{path}[{index}]"))
+                })
+            }
+            _ => {
+                let (ty, wanted) = (module.describe_type(layout.ty), rust_type(layout));
+                let message = format!("{}{path} is {ty}, which takes {wanted}", self.what);
+                Err(invalid(format!("{message}, not {}", value.describe())))
+            }
+        }
+    }
+
+    fn is_struct(&self, layout: Layout<'_>, path: &str) -> Error {
+        let name = layout.module.describe_type(layout.ty);
+        let message = format!("{}{path} is the struct {name}: set its members by their paths", self.what);
+        invalid(message)
+    }
+}
+
+/// The type of a value as nested arrays of Rust: `[[float; 3]; 2]`.
+fn rust_type(layout: Layout<'_>) -> String {
+    match layout.module.ty(layout.ty) {
+        Type::Bool => "bool".to_owned(),
+        Type::Int { .. } | Type::Pointer { .. } => "integer".to_owned(),
+        Type::Float { .. } => "float".to_owned(),
+        Type::RuntimeArray { element, .. } => {
+            format!("[{}; _]", rust_type(Layout { ty: *element, ..layout }))
+        }
+        _ => match layout.parts()[..] {
+            [] => "nothing".to_owned(),
+            ref parts @ [(_, first), ..] => format!("[{}; {}]", rust_type(first), parts.len()),
+        },
     }
 }
 
 /// The builtin with a name, and the words of a value for it.
 ///
 /// # Errors
-/// `InvalidArgument` where there is no such builtin, or it has another type.
-pub(super) fn builtin_words(name: &str, value: &impl Scalars) -> Result<(&'static Builtin, Vec<u32>)> {
+/// `InvalidArgument` where there is no such builtin, or it has another type: that of the module's
+/// variable, where it has one.
+pub(super) fn builtin_words(
+    module: &Module,
+    name: &str,
+    value: &NestedScalars,
+) -> Result<(&'static Builtin, Vec<u32>)> {
     let Some(builtin) = builtin::find_by_name(name) else {
         let near = nearest(name, builtin::BUILTINS.iter().map(|builtin| builtin.name));
         let error = invalid(format!("there is no builtin `{name}`"));
         return Err(near.map_or(error.clone(), |near| error.note(format!("did you mean `{near}`?"))));
     };
-    let kind = match builtin.shape {
-        ValueShape::Bool => "bool",
-        ValueShape::Int | ValueShape::Int2 | ValueShape::Int3 | ValueShape::Int4 => "integer",
-        _ => "float",
+    let scalar = match builtin.shape {
+        ValueShape::Bool => Type::Bool,
+        ValueShape::Int | ValueShape::Int2 | ValueShape::Int3 | ValueShape::Int4 => {
+            Type::Int { width: 32, signed: is_signed(module, builtin, value) }
+        }
+        _ => Type::Float { width: 32, encoding: None },
     };
-    let count = builtin.shape.words() as usize;
-    let scalars = value.scalars();
-    let word = |scalar: &ScalarValue| match (*scalar, kind) {
-        (ScalarValue::Bool(value), "bool") => Some(u32::from(value)),
-        (scalar, "integer") => scalar.as_integer(32).map(|bits| bits as u32),
-        (scalar, "float") => scalar.as_float(FloatFormat::Binary32).map(|bits| bits as u32),
-        _ => None,
-    };
-    let words: Option<Vec<u32>> = scalars.iter().map(word).collect();
-    words.filter(|words| words.len() == count).map(|words| (builtin, words)).ok_or_else(|| {
-        let given = describe(&scalars);
-        invalid(format!("{} is {}, not {given}", builtin.name, builtin.shape.describe()))
-    })
+    let mut words = Vec::new();
+    match of_shape(value, builtin.shape.lengths(), &scalar, &mut words) {
+        Ok(true) => Ok((builtin, words)),
+        Ok(false) => {
+            let (name, shape) = (builtin.name, builtin.shape.describe());
+            Err(invalid(format!("{name} is {shape}, not {}", value.describe())))
+        }
+        Err(why) => Err(invalid(format!("{}: {why}", builtin.name))),
+    }
 }
 
-/// Writes scalars over the bytes of a value with a layout.
+/// Whether a module declares a builtin as a signed integer. Where it does not declare it, either
+/// sign is right.
+fn is_signed(module: &Module, builtin: &Builtin, value: &NestedScalars) -> bool {
+    const BUILT_IN: u32 = 11;
+    let declared = module.variables.iter().find_map(|variable| {
+        let number = module.decorations.literal(variable.id, BUILT_IN)?;
+        let Type::Pointer { pointee: Some(ty), .. } = *module.ty(variable.pointer) else { return None };
+        let scalar = match *module.ty(ty) {
+            Type::Vector { component, .. } => component,
+            _ => ty,
+        };
+        match *module.ty(scalar) {
+            Type::Int { signed, .. } if number == builtin.number => Some(signed),
+            _ => None,
+        }
+    });
+    declared.unwrap_or_else(|| value.has_negative())
+}
+
+/// Appends the words of a value in nested arrays of these lengths; false for another nesting.
+fn of_shape(
+    value: &NestedScalars,
+    lengths: &[usize],
+    ty: &Type,
+    words: &mut Vec<u32>,
+) -> std::result::Result<bool, String> {
+    match (value, lengths) {
+        (NestedScalars::One(scalar), []) => {
+            words.push(scalar.bits(ty)? as u32);
+            Ok(true)
+        }
+        (NestedScalars::Many(list), [length, inner @ ..]) if list.len() == *length => {
+            for part in list {
+                if !of_shape(part, inner, ty, words)? {
+                    return Ok(false);
+                }
+            }
+            Ok(true)
+        }
+        _ => Ok(false),
+    }
+}
+
+/// Writes scalars over the bytes of a value with a layout; all of them, or none where one does not
+/// fit.
 ///
 /// # Errors
-/// `InvalidArgument` where number or kinds of the scalars are not the layout's.
-pub(super) fn write(layout: Layout<'_>, bytes: &mut [u8], what: &str, value: &impl Scalars) -> Result<()> {
-    let scalars = value.scalars();
-    let places = layout.scalars();
-    let wrong = || {
-        let ty = layout.module.describe_type(layout.ty);
-        invalid(format!("{what} is {ty}, not {}", describe(&scalars)))
-    };
-    if places.len() != scalars.len() {
-        return Err(wrong());
-    }
-    for (scalar, (offset, part)) in scalars.iter().zip(places) {
-        let bits = match (layout.module.ty(part.ty), *scalar) {
-            (Type::Bool, ScalarValue::Bool(value)) => Some(u64::from(value)),
-            (Type::Pointer { .. }, ScalarValue::Uint(address)) => Some(address),
-            (Type::Int { width, .. }, scalar) => scalar.as_integer(*width),
-            (ty @ Type::Float { .. }, scalar) => ty.float_format().and_then(|format| scalar.as_float(format)),
-            _ => None,
-        };
-        let bits = bits.ok_or_else(wrong)?.to_le_bytes();
-        let size = part.size();
+/// `InvalidArgument` where shape, kinds or ranges are not the layout's.
+pub(super) fn write(layout: Layout<'_>, bytes: &mut [u8], what: &str, value: &NestedScalars) -> Result<()> {
+    let mut placement = Placement { what, placed: Vec::new() };
+    placement.add(layout, 0, value, "")?;
+    for (offset, bits, size) in placement.placed {
         if let Some(place) = bytes.get_mut(offset..offset + size) {
-            place.copy_from_slice(&bits[..size]);
+            place.copy_from_slice(&bits.to_le_bytes()[..size]);
         }
     }
     Ok(())
 }
 
-fn describe(scalars: &[ScalarValue]) -> String {
-    let kind = scalars.first().map_or("nothing", |scalar| scalar.kind());
-    match scalars {
-        [only] => format!("the {kind} {}", shown(*only)),
-        _ => format!("{} scalars of kind {kind}", scalars.len()),
-    }
-}
-
-fn shown(scalar: ScalarValue) -> String {
-    match scalar {
-        ScalarValue::Bool(value) => value.to_string(),
-        ScalarValue::Int(value) => value.to_string(),
-        ScalarValue::Uint(value) => value.to_string(),
-        ScalarValue::Float(value) => format!("{value:?}"),
-        ScalarValue::Double(value) => format!("{value:?}"),
+/// The elements of a list; one for a scalar.
+pub(super) fn length(value: &NestedScalars) -> usize {
+    match value {
+        NestedScalars::One(_) => 1,
+        NestedScalars::Many(list) => list.len(),
     }
 }
 

@@ -6,7 +6,8 @@ use std::sync::Arc;
 use bytemuck::NoUninit;
 
 use crate::error::{Error, ErrorKind, Result};
-use crate::harness::data::Bytes;
+use crate::harness::data::{Bytes, member_of};
+use crate::harness::fit::check_scalars;
 use crate::harness::host_layout::HostLayout;
 use crate::harness::host_layout::compare::compare;
 use crate::harness::layout::{Layout, Rules};
@@ -16,7 +17,7 @@ use crate::harness::value::Value;
 use crate::input::InputLimit;
 use crate::machine::Binding;
 use crate::module::Module;
-use crate::module::ty::TypeId;
+use crate::module::ty::{Type, TypeId};
 use crate::program::struct_lookup::{DataBlock, StructTable, find, find_block, layout_note, strides};
 
 /// The bytes of a struct, laid out by the `Offset`, `ArrayStride` and `MatrixStride` of a module.
@@ -131,10 +132,14 @@ impl StructData {
         let module = self.module.clone();
         let layout = Layout::new(&module, self.ty, Rules::Explicit);
         let name = module.describe_type(self.ty);
-        let shown = |error: Error| error.note(layout_note(layout));
+        let shown = |error: Error| error.note_lines(layout_note(layout));
         let located = layout.locate(path).map_err(|wrong| shown(invalid(format!("{name}: {wrong}"))));
         let (offset, member) = located?;
-        let mut end = offset.saturating_add(member.size());
+        let value = value.nested();
+        let mut end = offset.saturating_add(match *module.ty(member.ty) {
+            Type::RuntimeArray { .. } => scalars::length(&value).saturating_mul(member.stride()),
+            _ => member.size(),
+        });
         if let Some((start, stride)) = layout.runtime_stride().filter(|(start, _)| end > *start) {
             end = start.saturating_add((end - start).div_ceil(stride.max(1)).saturating_mul(stride));
         }
@@ -142,8 +147,7 @@ impl StructData {
         if self.bytes.len() < end {
             self.bytes.resize(end, 0);
         }
-        scalars::write(member, &mut self.bytes[offset..], &format!("`{path}` of {name}"), &value)
-            .map_err(shown)?;
+        scalars::write(member, &mut self.bytes[offset..], &member_of(path, &name), &value).map_err(shown)?;
         Ok(self)
     }
 
@@ -154,15 +158,15 @@ impl StructData {
     /// `InvalidArgument` with both layouts side by side.
     pub fn write<T: NoUninit + Debug>(mut self, value: &T) -> Result<Self> {
         let given = Bytes::of(value);
-        self.compare(&given.rust)?;
+        self.compare(&given)?;
         self.bytes = given.bytes;
         Ok(self)
     }
 
     /// # Errors
     /// `InvalidArgument` where a Rust type is no layout of this struct.
-    fn compare(&self, rust: &RustLayout) -> Result<()> {
-        let layout = self.layout();
+    fn compare(&self, given: &Bytes) -> Result<()> {
+        let (layout, rust) = (self.layout(), &given.rust);
         let size = layout.size();
         // Rust's type may be padded at its end, as an element of an array is.
         let strides = strides(layout);
@@ -174,7 +178,10 @@ impl StructData {
                 }
             }
         };
-        if fits && !rust.contradicts(layout) { Ok(()) } else { Err(layout.mismatch("the struct", rust)) }
+        match fits {
+            true => check_scalars(layout, "the struct", &given.rust, &|| given.bytes.clone()),
+            false => Err(layout.mismatch("the struct", rust, None)),
+        }
     }
 
     /// Compares the layout of a host's struct with this one: the offset, width and class (float or
@@ -208,7 +215,8 @@ impl StructData {
     /// Its bytes with a name for errors.
     pub(super) fn given(&self) -> Bytes {
         let name = self.module.describe_type(self.ty);
-        Bytes { rust: RustLayout::untold(name, self.bytes.len()), bytes: self.bytes.clone() }
+        let rust = RustLayout::of_block(name, self.bytes.len(), self.layout().lines());
+        Bytes { rust, bytes: self.bytes.clone() }
     }
 }
 

@@ -297,7 +297,7 @@ impl Pipeline {
             && operands.payload.len() != words
         {
             let given = RustLayout::untold("the payload given".into(), operands.payload.len() * 4);
-            return Err(layout(program, registers).mismatch("the payload", &given));
+            return Err(layout(program, registers).mismatch("the payload", &given, None));
         }
         self.check(scene)?;
         let resources = scene.resources();
@@ -388,7 +388,7 @@ mod tests {
         builder = builder.ray_generation(shader("arithmetic/elementary/main.rgen.spv")).unwrap();
         let scene = Scene::new([]).unwrap().buffer(0, 2, &[[4.0f32; 4]]).buffer(0, 1, &[0.0f32; 3]);
         let error = builder.build().unwrap().launch(&scene, [1, 1, 1]).unwrap_err().render();
-        assert!(error.contains("buffer 1 of set 0: `[f32]` has 12 bytes"), "{error}");
+        assert!(error.contains("buffer 1 of set 0: `[f32; 3]` has 12 bytes"), "{error}");
         assert!(error.contains("in the shader"), "{error}");
     }
 

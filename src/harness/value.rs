@@ -28,9 +28,11 @@ pub struct Value {
     explanation: Option<Arc<Explanation>>,
 }
 
+/// Values are equal where their type is, and every part prints alike: padding does not count, every
+/// NaN is equal to every other, and -0.0 is not 0.0.
 impl PartialEq for Value {
     fn eq(&self, other: &Self) -> bool {
-        (&self.ty, &self.bytes, &self.content) == (&other.ty, &other.bytes, &other.content)
+        (&self.ty, &self.content) == (&other.ty, &other.content)
     }
 }
 
@@ -42,12 +44,26 @@ enum Content {
     Opaque,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug)]
 enum Number {
     Bool(bool),
     Int(i64),
     Uint(u64),
     Float(f64),
+}
+
+impl PartialEq for Number {
+    fn eq(&self, other: &Self) -> bool {
+        match (*self, *other) {
+            (Self::Bool(one), Self::Bool(two)) => one == two,
+            (Self::Int(one), Self::Int(two)) => one == two,
+            (Self::Uint(one), Self::Uint(two)) => one == two,
+            (Self::Float(one), Self::Float(two)) => {
+                one.to_bits() == two.to_bits() || one.is_nan() && two.is_nan()
+            }
+            _ => false,
+        }
+    }
 }
 
 impl Value {
@@ -113,8 +129,18 @@ impl Value {
                     (Number::Float(_), "floate4m3_t") => NumberType::E4m3,
                     (Number::Float(_), "floate5m2_t") => NumberType::E5m2,
                     (Number::Float(_), _) => NumberType::F16,
-                    (Number::Int(_), _) => NumberType::I32,
-                    (Number::Uint(_) | Number::Bool(_), _) => NumberType::U32,
+                    (Number::Int(_), _) => match self.bytes.len() {
+                        1 => NumberType::I8,
+                        2 => NumberType::I16,
+                        8 => NumberType::I64,
+                        _ => NumberType::I32,
+                    },
+                    (Number::Uint(_) | Number::Bool(_), _) => match self.bytes.len() {
+                        1 => NumberType::U8,
+                        2 => NumberType::U16,
+                        8 => NumberType::U64,
+                        _ => NumberType::U32,
+                    },
                 };
                 vec![(scalar, bits)]
             }
@@ -134,12 +160,27 @@ impl Value {
         &self.bytes
     }
 
-    /// The value as a plain Rust type of the same size.
+    /// The value as a plain Rust type of the same size; or, where its scalars lie apart, of the size
+    /// that they have without gaps: a `mat3` is `[[f32; 3]; 3]`, whatever its stride.
     ///
     /// # Errors
     /// `InvalidArgument` where the sizes differ; it shows both types.
     pub fn read<T: AnyBitPattern>(&self) -> Result<T> {
-        bytemuck::try_pod_read_unaligned(&self.bytes).map_err(|_| self.mismatch::<T>("one"))
+        if let Ok(value) = bytemuck::try_pod_read_unaligned(&self.bytes) {
+            return Ok(value);
+        }
+        let mut packed = Vec::new();
+        self.pack(&mut packed);
+        bytemuck::try_pod_read_unaligned(&packed).map_err(|_| self.mismatch::<T>("one"))
+    }
+
+    /// Appends its scalars without gaps.
+    fn pack(&self, packed: &mut Vec<u8>) {
+        match &self.content {
+            Content::Scalar(_) | Content::Opaque => packed.extend_from_slice(&self.bytes),
+            Content::List(elements) => elements.iter().for_each(|element| element.pack(packed)),
+            Content::Struct(fields) => fields.iter().for_each(|(_, value)| value.pack(packed)),
+        }
     }
 
     /// The value as a row of a plain Rust type that fills it.

@@ -3,6 +3,7 @@
 use std::sync::OnceLock;
 
 use crate::error::{Error, ErrorKind, Result};
+use crate::module::scalar_value::ScalarValue;
 use crate::module::ty::{Type, TypeId};
 use crate::module::{Definition, Id, Module};
 use crate::sorted::sort;
@@ -48,15 +49,45 @@ pub enum ConstantValue {
 }
 
 impl Module {
-    /// Overrides the specialization constants with this `SpecId`.
+    /// Overrides the specialization constants with this `SpecId`: a `bool`, an integer that the
+    /// constant's type holds, or a float for a float, which is rounded once.
     ///
-    /// `bits` is a bool (0 is false), an integer or a float's bits; bits above the type's width
-    /// are dropped.
+    /// ```
+    /// use anyhit::Module;
+    ///
+    /// # fn main() -> anyhit::Result<()> {
+    /// let module = Module::open("spirv-fixtures/pass/harness/conversions/types.comp.spv")?;
+    /// let mut module = (*module).clone();
+    /// module.specialize(3, 7)?; // uint
+    /// module.specialize(4, 0.25)?; // float
+    /// module.specialize(5, false)?; // bool
+    /// assert!(module.specialize(3, -1).is_err() && module.specialize(4, 2).is_err());
+    /// # Ok(())
+    /// # }
+    /// ```
     ///
     /// # Errors
-    /// `InvalidArgument` where the module has no scalar specialization constant with this id; the
-    /// message lists those that it has.
-    pub fn specialize(&mut self, spec_id: u32, bits: u64) -> Result<()> {
+    /// `InvalidArgument` where the module has no scalar specialization constant with this id, with
+    /// a list of those that it has, and where the value is none of the constant's type.
+    pub fn specialize(&mut self, spec_id: u32, value: impl Into<ScalarValue>) -> Result<()> {
+        let bits = match self.specialization_type(spec_id) {
+            Some(ty) => value.into().bits(self.ty(ty)).map_err(|why| {
+                let message = format!("the specialization constant {spec_id}: {why}");
+                Error::new(ErrorKind::InvalidArgument, message)
+            })?,
+            None => 0,
+        };
+        self.specialize_bits(spec_id, bits)
+    }
+
+    /// Overrides the specialization constants with this `SpecId` by the bits of a value: a bool (0
+    /// is false), an integer or a float. Bits above the type's width are dropped.
+    ///
+    /// # Errors
+    /// `InvalidArgument` where the module has no scalar specialization constant with this id; a
+    /// note lists those that it has.
+    #[doc(hidden)]
+    pub fn specialize_bits(&mut self, spec_id: u32, bits: u64) -> Result<()> {
         let mut found = false;
         for constant in &mut self.constants {
             if constant.spec_id != Some(spec_id) || !constant.specializable {
@@ -151,13 +182,13 @@ mod tests {
         let mut module = a.loaded();
         let value = |module: &crate::module::Module, id| module.scalar_value(Id(id));
         assert_eq!([20, 21, 22].map(|id| value(&module, id)), [Some(16), Some(1), Some(0x2_0000_0001)]);
-        module.specialize(3, 0xffff_ffff_0000_0001).unwrap();
-        module.specialize(4, 0).unwrap();
-        module.specialize(5, u64::MAX).unwrap();
+        module.specialize_bits(3, 0xffff_ffff_0000_0001).unwrap();
+        module.specialize_bits(4, 0).unwrap();
+        module.specialize_bits(5, u64::MAX).unwrap();
         assert_eq!([20, 21, 22].map(|id| value(&module, id)), [Some(1), Some(0), Some(u64::MAX)]);
         assert_eq!(value(&module, 8), Some(3));
 
-        let error = module.specialize(9, 0).unwrap_err();
+        let error = module.specialize_bits(9, 0).unwrap_err();
         assert_eq!(error.kind(), ErrorKind::InvalidArgument);
         assert_eq!(error.message(), "the module has no specialization constant 9");
         assert_eq!(error.notes(), ["it has 3 (uint `samples`), 4 (bool), 5 (uint64_t)"]);
@@ -165,7 +196,7 @@ mod tests {
 
     #[test]
     fn a_module_without_specialization_constants_says_so() {
-        let error = Assembler::new().loaded().specialize(0, 0).unwrap_err();
+        let error = Assembler::new().loaded().specialize_bits(0, 0).unwrap_err();
         assert_eq!(error.notes(), ["it has none at all"]);
     }
 

@@ -32,6 +32,7 @@ pub mod load;
 mod lookup;
 pub mod names;
 pub(crate) mod opcode_table;
+pub mod scalar_value;
 mod span;
 pub mod ty;
 pub mod validate;

@@ -380,7 +380,7 @@ mod tests {
         a.op(Op::TypeArray, &[11, 6, 10]);
         let mut module = a.loaded();
         assert_eq!((size(&module, 11), count(&module, 11)), (Some(8), Some(2)));
-        module.specialize(0, 5).unwrap();
+        module.specialize_bits(0, 5).unwrap();
         assert_eq!((size(&module, 11), count(&module, 11)), (Some(20), Some(5)));
         let ty = module.type_with_id(Id(11)).unwrap();
         assert_eq!(module.size_of_with(ty, &|_| Some(3)), Some(12));

@@ -203,17 +203,22 @@ impl ValueShape {
         }
     }
 
+    /// The lengths of the nested arrays that hold a value, from the outermost; none for a scalar.
+    pub fn lengths(self) -> &'static [usize] {
+        match self {
+            Self::Bool | Self::Int | Self::Float => &[],
+            Self::Int2 | Self::Float2 | Self::FloatArray2 => &[2],
+            Self::Int3 | Self::Float3 => &[3],
+            Self::Int4 => &[4],
+            Self::Float3Array2 => &[2, 3],
+            Self::Float3Array3 => &[3, 3],
+            Self::Matrix4x3 => &[4, 3],
+        }
+    }
+
     /// How many words a value takes.
     pub fn words(self) -> u32 {
-        match self {
-            Self::Bool | Self::Int | Self::Float => 1,
-            Self::Int2 | Self::Float2 | Self::FloatArray2 => 2,
-            Self::Int3 | Self::Float3 => 3,
-            Self::Int4 => 4,
-            Self::Float3Array2 => 6,
-            Self::Float3Array3 => 9,
-            Self::Matrix4x3 => 12,
-        }
+        self.lengths().iter().product::<usize>() as u32
     }
 }
 

@@ -56,7 +56,10 @@ impl<'a> Layout<'a> {
         match self.module.ty(self.ty) {
             Type::Bool => 4,
             Type::Int { width, .. } | Type::Float { width, .. } => scalar_size(*width, self.rules),
-            Type::Vector { component, count } => self.part(*component).size().saturating_mul(*count as usize),
+            Type::Vector { component, count } => {
+                let component = self.part(*component).size();
+                spread(*count as usize, self.component_stride(component), component)
+            }
             Type::Matrix { column, count } => match self.matrix.filter(|_| self.explicit()) {
                 Some(layout) if layout.row_major => {
                     let row = self.scalar(*column).size().saturating_mul(*count as usize);
@@ -136,6 +139,14 @@ impl<'a> Layout<'a> {
         })
     }
 
+    /// Bytes between the components of a vector: a column of a row-major matrix has one in each row.
+    pub(crate) fn component_stride(self, component: usize) -> usize {
+        match self.matrix.filter(|_| self.explicit()) {
+            Some(MatrixLayout { stride, row_major: true }) => stride as usize,
+            _ => component,
+        }
+    }
+
     pub(crate) fn lanes(self, vector: TypeId) -> usize {
         match self.module.ty(vector) {
             Type::Vector { count, .. } => *count as usize,
@@ -188,8 +199,7 @@ impl<'a> Layout<'a> {
     }
 
     /// Offsets and layouts of the elements of an array, the columns of a matrix, the components of
-    /// a vector. A column of a row-major matrix is no range of bytes: its components stand for
-    /// it.
+    /// a vector.
     pub(crate) fn parts(self) -> Vec<(usize, Self)> {
         let row = |count: usize, stride: usize, part: Self| {
             (0..count).map(|index| (index * stride, part)).collect::<Vec<_>>()
@@ -197,14 +207,11 @@ impl<'a> Layout<'a> {
         match self.module.ty(self.ty) {
             Type::Vector { component, count } => {
                 let part = self.part(*component);
-                row(*count as usize, part.size(), part)
+                row(*count as usize, self.component_stride(part.size()), part)
             }
             Type::Matrix { column, count } => match self.matrix.filter(|_| self.explicit()) {
                 Some(layout) if layout.row_major => {
-                    let (part, rows) = (self.scalar(*column), self.lanes(*column));
-                    let place =
-                        |index: usize| index / rows * part.size() + index % rows * layout.stride as usize;
-                    (0..*count as usize * rows).map(|index| (place(index), part)).collect()
+                    row(*count as usize, self.scalar(*column).size(), self.part(*column))
                 }
                 Some(layout) => row(*count as usize, layout.stride as usize, self.part(*column)),
                 None => row(*count as usize, self.part(*column).size(), self.part(*column)),
@@ -220,7 +227,8 @@ impl<'a> Layout<'a> {
         }
     }
 
-    /// Offset and layout of the part at a path: `path[1].weight`; the whole at an empty one.
+    /// Offset and layout of the part at a path: `path[1].weight`, `normal.x`; the whole at an empty
+    /// one.
     ///
     /// # Errors
     /// What does not exist, in words.
@@ -251,6 +259,11 @@ impl<'a> Layout<'a> {
                 };
                 match (members.iter().position(|member| member.name == name), members) {
                     (Some(index), _) => (at.member(index), skipped + name.len()),
+                    (None, []) => {
+                        let part =
+                            at.component(name).ok_or_else(|| format!("there is no member `{name}`"))?;
+                        (part, skipped + name.len())
+                    }
                     // Into such a block naga puts a struct: it is used like its member.
                     (None, [only]) if only.name.is_empty() => (at.member(0), 0),
                     _ => return Err(format!("there is no member `{name}`")),
@@ -261,6 +274,13 @@ impl<'a> Layout<'a> {
             walked += length;
         }
         Ok((offset, at))
+    }
+
+    /// Offset and layout of a component of a vector by its name, `x` to `w`.
+    fn component(self, name: &str) -> Option<(usize, Self)> {
+        let Type::Vector { .. } = self.module.ty(self.ty) else { return None };
+        let index = ["x", "y", "z", "w"].iter().position(|known| *known == name)?;
+        self.parts().get(index).copied()
     }
 
     /// The layout as lines: offset, type and path of each part that is no struct.

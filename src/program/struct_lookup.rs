@@ -75,7 +75,7 @@ pub fn find<'a>(module: &'a Module, name: &str) -> Result<Layout<'a>> {
         ty.map(|ty| explicit(module, ty)).ok_or_else(|| {
             let what = module.describe_type(owner.ty);
             let why = if found.is_some() { "is no struct and leads to none" } else { "does not exist" };
-            invalid(format!("`{name}`: the member `{member}` of {what} {why}")).note(layout_note(owner))
+            invalid(format!("`{name}`: the member `{member}` of {what} {why}")).note_lines(layout_note(owner))
         })
     })
 }

@@ -11,7 +11,7 @@ use std::ops::Range;
 use std::path::Path;
 
 use crate::atomic_file::{self, AtomicFile};
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Error, ErrorKind, Result, feature_note};
 use crate::machine;
 use crate::machine::format::{Class, Component, Format};
 use crate::pipeline::map_on_threads;
@@ -337,7 +337,7 @@ impl PngConversion {
 #[cfg(not(feature = "images"))]
 fn missing_images() -> Error {
     Error::new(ErrorKind::UnsupportedTool, "this build of anyhit neither reads nor writes PNG and JPEG files")
-        .note("build it with `cargo build --features images`, or use HDR")
+        .note(feature_note("images") + "; or use HDR")
 }
 
 /// Whether this build reads and writes OpenEXR files.
@@ -349,7 +349,7 @@ pub(crate) fn exr_support() -> Result<()> {
         return Ok(());
     }
     Err(Error::new(ErrorKind::UnsupportedTool, "this build neither reads nor writes OpenEXR files")
-        .note("build it with `cargo build --features exr`, or use HDR or PNG"))
+        .note(feature_note("exr") + "; or use HDR or PNG"))
 }
 
 pub(super) fn invalid(message: impl Into<String>) -> Error {

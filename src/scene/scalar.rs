@@ -1,6 +1,7 @@
 //! Scalars as a scene writes them, with their types.
 
 use crate::math::float_format::FloatFormat;
+use crate::module::scalar_value::ScalarValue;
 use crate::scene::read::{Parse, Table, TomlValue};
 
 /// A type of scalar as a scene names it.
@@ -74,12 +75,12 @@ impl Scalar {
     /// The little-endian bytes of one value.
     pub(super) fn encode(self, value: TomlValue<'_>, bytes: &mut Vec<u8>) -> Option<()> {
         match self {
-            Self::F16 => bytes.extend(small_float_bytes(value, FloatFormat::Binary16, "f16")?),
-            Self::Bf16 => bytes.extend(small_float_bytes(value, FloatFormat::BFloat16, "bf16")?),
-            Self::E4m3 => bytes.extend(small_float_bytes(value, FloatFormat::E4M3, "e4m3")?),
-            Self::E5m2 => bytes.extend(small_float_bytes(value, FloatFormat::E5M2, "e5m2")?),
-            Self::F32 => bytes.extend(f32::parse(value)?.to_le_bytes()),
-            Self::F64 => bytes.extend(f64::parse(value)?.to_le_bytes()),
+            Self::F16 => bytes.extend(float_bytes(value, FloatFormat::Binary16, "f16")?),
+            Self::Bf16 => bytes.extend(float_bytes(value, FloatFormat::BFloat16, "bf16")?),
+            Self::E4m3 => bytes.extend(float_bytes(value, FloatFormat::E4M3, "e4m3")?),
+            Self::E5m2 => bytes.extend(float_bytes(value, FloatFormat::E5M2, "e5m2")?),
+            Self::F32 => bytes.extend(float_bytes(value, FloatFormat::Binary32, "f32")?),
+            Self::F64 => bytes.extend(float_bytes(value, FloatFormat::Binary64, "f64")?),
             Self::U8 => bytes.extend(u8::parse(value)?.to_le_bytes()),
             Self::I8 => bytes.extend(i8::parse(value)?.to_le_bytes()),
             Self::U16 => bytes.extend(u16::parse(value)?.to_le_bytes()),
@@ -135,15 +136,31 @@ impl Scalar {
     }
 }
 
-/// The bytes of a float of 8 or 16 bits. It is rounded by way of f64: 53 bits are more than twice
-/// the 11 of a half, plus two, so double rounding has no effect unless the decimal lies within
-/// 2^-53 of a tie without being one.
-pub(super) fn small_float_bytes(value: TomlValue<'_>, format: FloatFormat, name: &str) -> Option<Vec<u8>> {
+/// The bits of a float, rounded once from the decimal text; an error of the text's place where it
+/// is out of range, or is not 0 and rounds to 0.
+///
+/// Formats of 8 and 16 bits are rounded by way of f64: 53 bits are more than twice the 11 of a half,
+/// plus two, so double rounding has no effect unless the decimal lies within 2^-53 of a tie without
+/// being one.
+pub(super) fn float_bits(value: TomlValue<'_>, format: FloatFormat, name: &str) -> Option<u64> {
     let wide = f64::parse(value)?;
-    let bits = format.round(wide);
-    let rounded = format.value(bits);
-    if !rounded.is_finite() && wide.is_finite() || rounded.is_nan() && !wide.is_nan() {
-        return value.wrong(format!("`{wide}` is beyond the range of {name}"));
+    let narrow = match format {
+        FloatFormat::Binary32 => f64::from(f32::parse(value)?),
+        _ => wide,
+    };
+    match ScalarValue::Double(narrow).float_bits(format) {
+        Ok(bits) if wide != 0.0 && format.value(bits) == 0.0 => {
+            value.wrong(format!("`{wide}` is not 0 and rounds to 0 as {name}"))
+        }
+        Ok(bits) => Some(bits),
+        Err(_) if wide.is_infinite() => value.wrong(format!("{name} has no infinity")),
+        Err(_) if wide.abs() < 1.0 => value.wrong(format!("`{wide}` is not 0 and rounds to 0 as {name}")),
+        Err(_) => value.wrong(format!("`{wide}` is beyond the range of {name}")),
     }
+}
+
+/// The little-endian bytes of [`float_bits`].
+pub(super) fn float_bytes(value: TomlValue<'_>, format: FloatFormat, name: &str) -> Option<Vec<u8>> {
+    let bits = float_bits(value, format, name)?;
     Some(bits.to_le_bytes()[..format.width() as usize / 8].to_vec())
 }

@@ -4,6 +4,7 @@ use crate::error::names::{list_of, nearest};
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::math::float_format::FloatFormat;
 use crate::module::Module;
+use crate::module::scalar_value::ScalarValue;
 use crate::module::ty::Type;
 use crate::scene::address_entry::AddressOf;
 use crate::scene::addresses::Addresses;
@@ -148,7 +149,7 @@ impl SpecializationValue {
             }
             None => 0,
         };
-        module.specialize(constant, bits).map_err(|error| error.at(self.place.clone()))
+        module.specialize_bits(constant, bits).map_err(|error| error.at(self.place.clone()))
     }
 }
 
@@ -180,14 +181,15 @@ impl LiteralValue {
             )),
             (Self::Boolean(flag), Type::Bool) => Ok(u64::from(*flag)),
             (Self::Integer(number @ 0..=1), Type::Bool) => Ok(*number as u64),
-            (Self::Integer(number), &Type::Int { width, .. }) => {
-                let range = -(1i128 << (width - 1))..1i128 << width;
-                match range.contains(number) {
-                    true => Ok(*number as u64 & (u64::MAX >> (64 - width))),
-                    false => Err(format!("{number} does not fit")),
+            (Self::Integer(number), ty @ Type::Int { .. }) => scalar(*number).bits(ty),
+            (Self::Integer(number), ty @ Type::Float { .. }) => {
+                let bits = float_bits(&number.to_string(), ty)?;
+                let nearest = ty.float_format().unwrap_or(FloatFormat::Binary64).value(bits);
+                match nearest as i128 == *number {
+                    true => Ok(bits),
+                    false => Err(format!("{number} is no such number: the nearest is {nearest}")),
                 }
             }
-            (Self::Integer(number), ty @ Type::Float { .. }) => float_bits(&number.to_string(), ty),
             (Self::Float(text), ty @ Type::Float { .. }) => float_bits(text, ty),
             (Self::Boolean(flag), _) => Err(format!("{flag} is no number")),
             (Self::Integer(number), _) => Err(format!("{number} is neither true nor false")),
@@ -198,17 +200,32 @@ impl LiteralValue {
     }
 }
 
-/// The bits of the float nearest to a decimal.
+/// An integer of a scene.
+fn scalar(number: i128) -> ScalarValue {
+    u64::try_from(number).map_or(ScalarValue::Int(number as i64), ScalarValue::Uint)
+}
+
+/// The bits of the float nearest to a decimal, rounded once.
 fn float_bits(text: &str, ty: &Type) -> std::result::Result<u64, String> {
-    let unread = |_| format!("{text} is no number");
     let format = ty.float_format().unwrap_or(FloatFormat::Binary64);
-    let bits = match format {
-        FloatFormat::Binary32 => text.parse::<f32>().map_err(unread)?.to_bits().into(),
-        _ => format.round(text.parse().map_err(unread)?),
+    let wide: f64 = text.parse().map_err(|_| format!("{text} is no number"))?;
+    let value = match format {
+        FloatFormat::Binary32 => text.parse().map_or(ScalarValue::Double(wide), ScalarValue::Float),
+        _ => ScalarValue::Double(wide),
     };
-    match format.value(bits).is_finite() || text.contains("inf") || text.contains("nan") {
-        true => Ok(bits),
-        false => Err(format!("{text} is beyond the range")),
+    let bits =
+        value.float_bits(format).map_err(|why| if wide.is_finite() { beyond(text, wide) } else { why })?;
+    let rounded = format.value(bits);
+    match wide.is_finite() && !rounded.is_finite() || wide != 0.0 && rounded == 0.0 {
+        true => Err(beyond(text, wide)),
+        false => Ok(bits),
+    }
+}
+
+fn beyond(text: &str, wide: f64) -> String {
+    match wide.abs() < 1.0 {
+        true => format!("{text} is not 0 and rounds to 0"),
+        false => format!("{text} is beyond the range"),
     }
 }
 
@@ -246,8 +263,8 @@ mod tests {
             Ok(0x4B80_0001)
         );
         assert_eq!(
-            (LiteralValue::Integer(-1).bits(&BYTE), LiteralValue::Integer(255).bits(&BYTE)),
-            (Ok(0xFF), Ok(0xFF))
+            (LiteralValue::Integer(-1).bits(&BYTE), LiteralValue::Integer(127).bits(&BYTE)),
+            (Ok(0xFF), Ok(0x7F))
         );
         assert_eq!(
             (LiteralValue::Integer(1).bits(&Type::Bool), LiteralValue::Boolean(false).bits(&Type::Bool)),
@@ -262,8 +279,11 @@ mod tests {
         for (literal, ty, why) in [
             (float_bits("2.0"), UINT, "2.0 is no whole number"),
             (LiteralValue::Boolean(true), UINT, "true is no number"),
-            (LiteralValue::Integer(256), BYTE, "256 does not fit"),
-            (LiteralValue::Integer(-129), BYTE, "-129 does not fit"),
+            (LiteralValue::Integer(255), BYTE, "255 is out of the range of int8_t, -128 to 127"),
+            (LiteralValue::Integer(-129), BYTE, "-129 is out of the range of int8_t, -128 to 127"),
+            (LiteralValue::Integer(-1), UINT, "-1 is out of the range of uint, 0 to 4294967295"),
+            (LiteralValue::Integer(16_777_217), FLOAT, "16777217 is no such number: the nearest is 16777216"),
+            (float_bits("1e-46"), FLOAT, "1e-46 is not 0 and rounds to 0"),
             (LiteralValue::Integer(2), Type::Bool, "2 is neither true nor false"),
             (float_bits("1e39"), FLOAT, "1e39 is beyond the range"),
             (float_bits("65520.0"), HALF, "65520.0 is beyond the range"),

@@ -12,7 +12,6 @@ use std::sync::Arc;
 use crate::error::names::nearest;
 use crate::error::{Error, ErrorKind, Result};
 use crate::input::InputLimit;
-use crate::math::float_format::FloatFormat;
 use crate::module::Module;
 use crate::module::ty::Type;
 use crate::ops::translate::array_length;
@@ -22,10 +21,8 @@ use crate::program::struct_lookup::{
 };
 use crate::scene::address_entry::AddressOf;
 use crate::scene::encoding::{Data, Flattened};
-use crate::scene::read::{
-    Diagnostics, Named, OwnedTomlValue, Parse, Span, Spanned, Table, TomlValue, integer,
-};
-use crate::scene::scalar::small_float_bytes;
+use crate::scene::read::{Diagnostics, Named, OwnedTomlValue, Span, Spanned, Table, TomlValue, integer};
+use crate::scene::scalar::float_bytes;
 use crate::scene::tree::Toml;
 use crate::sorted::sort_by_key;
 
@@ -166,7 +163,7 @@ impl StructPiece {
             }
             Err(error) => {
                 let known = error.notes().first().is_some_and(|note| note.starts_with("struct "));
-                context.report.push(if known { error } else { error.note(layout_note(layout)) });
+                context.report.push(if known { error } else { error.note_lines(layout_note(layout)) });
                 None
             }
         }
@@ -218,7 +215,7 @@ impl StructPiece {
                     format!("{what} differs between the shaders: say which with `shader = \"NAME\"`");
                 let notes = found.iter().take(4).map(|layout| layout_note(*layout));
                 let error = Error::new(ErrorKind::InvalidScene, message);
-                Err(notes.fold(error, Error::note))
+                Err(notes.fold(error, Error::note_lines))
             }
         }
     }
@@ -360,27 +357,11 @@ impl Writer<'_> {
                 }
                 _ => self.mismatch(layout, value, path, "`{ address_of = \"BUFFER\" }` or a number"),
             },
-            Type::Vector { component, count } => {
-                let part = layout.part(*component);
-                let size = part.size();
-                self.list(layout, value, path, Some(*count as usize), |this, index, element, path| {
-                    this.write(part, element, path, at.checked_add(index * size)?)
-                })
-            }
-            Type::Matrix { column, count } => {
+            Type::Vector { .. } | Type::Matrix { .. } => {
                 let places = layout.parts();
-                let (columns, rows) = (*count as usize, layout.lanes(*column));
-                self.list(layout, value, path, Some(columns), |this, index, element, path| {
-                    let Type::Vector { .. } = module.ty(*column) else { return None };
-                    // Row-major matrices have their scalars apart, others their columns.
-                    if places.len() == columns {
-                        let (offset, part) = places[index];
-                        return this.write(part, element, path, at.checked_add(offset)?);
-                    }
-                    this.list(layout.part(*column), element, path, Some(rows), |this, row, element, path| {
-                        let (offset, part) = *places.get(index * rows + row)?;
-                        this.write(part, element, path, at.checked_add(offset)?)
-                    })
+                self.list(layout, value, path, Some(places.len()), |this, index, element, path| {
+                    let (offset, part) = places[index];
+                    this.write(part, element, path, at.checked_add(offset)?)
                 })
             }
             Type::Array { length, .. } => {
@@ -483,7 +464,7 @@ impl Writer<'_> {
             let label =
                 near.map_or_else(|| "no such member".to_owned(), |near| format!("did you mean `{near}`?"));
             let message = format!("{what} has no member `{}`", key.value);
-            self.report.push(key.span.error_with(message, label).note(layout_note(layout)));
+            self.report.push(key.span.error_with(message, label).note_lines(layout_note(layout)));
         }
         for (member, (_, part)) in members.iter().zip(layout.members()) {
             // A runtime array that is not given has no elements.
@@ -523,7 +504,7 @@ impl Writer<'_> {
         let ty = layout.module.describe_type(layout.ty);
         let wrong_size =
             |size: usize| format!("`{path}` is {ty} of {size} bytes, and the piece has {}", bytes.len());
-        if let Type::Matrix { .. } = layout.module.ty(layout.ty) {
+        if let Type::Vector { .. } | Type::Matrix { .. } = layout.module.ty(layout.ty) {
             // The scalars of a piece follow each other as they do in memory.
             let mut scalars = layout.scalars();
             sort_by_key(&mut scalars, |(offset, _)| *offset);
@@ -580,9 +561,7 @@ impl Writer<'_> {
                     return self.mismatch(layout, value, path, "a number");
                 }
                 match ty.float_format() {
-                    Some(FloatFormat::Binary32) => f32::parse(value).map(|x| x.to_le_bytes().to_vec()),
-                    Some(FloatFormat::Binary64) => f64::parse(value).map(|x| x.to_le_bytes().to_vec()),
-                    Some(format) => small_float_bytes(value, format, &layout.module.describe_type(layout.ty)),
+                    Some(format) => float_bytes(value, format, &layout.module.describe_type(layout.ty)),
                     None => self.wrong(value, format!("the format of the float `{path}` is not known")),
                 }
             }

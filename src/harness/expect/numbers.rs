@@ -27,7 +27,14 @@ impl NumberType {
         let bits = match self {
             Self::F32 => f32::parse(value).map(|number| u64::from(number.to_bits())),
             Self::F16 | Self::F64 | Self::Bf16 | Self::E4m3 | Self::E5m2 => {
-                f64::parse(value).zip(self.format()).map(|(number, format)| format.round(number))
+                let (number, format) = f64::parse(value).zip(self.format())?;
+                let bits = format.round(number);
+                let rounded = format.value(bits);
+                if number.is_nan() != rounded.is_nan() || number.is_finite() != rounded.is_finite() {
+                    let name = SCALARS.iter().find(|(_, scalar)| *scalar == self).map_or("", |found| found.0);
+                    return value.wrong(format!("`{number}` is beyond the range of {name}"));
+                }
+                Some(bits)
             }
             Self::U8 => u8::parse(value).map(u64::from),
             Self::U16 => u16::parse(value).map(u64::from),

@@ -2,7 +2,7 @@
 
 use crate::error::Result;
 use crate::harness::bound::blocks;
-use crate::harness::given::misfit;
+use crate::harness::fit::check_block;
 use crate::harness::layout::{Layout, Rules};
 use crate::harness::shader_test::{ShaderTest, invalid};
 use crate::machine::{Batch, Buffer, Invocation, ShaderRecord};
@@ -40,10 +40,7 @@ impl ShaderTest {
         let mut blocks = blocks(&self.program);
         if let Some((ty, ..)) = blocks.find(|block| block.1 == storage::SHADER_RECORD_BUFFER) {
             let layout = Layout::new(&self.program.module, ty, Rules::Explicit);
-            misfit(&layout, "the shader record", &given.rust)?;
-            if given.rust.contradicts(layout) {
-                return Err(layout.mismatch("the shader record", &given.rust));
-            }
+            check_block(layout, "the shader record", &given.rust, &|| given.bytes.clone())?;
         }
         let data = Buffer::new(&given.bytes);
         Ok(Some(ShaderRecord { offset: 0, size: data.size(), data }))
@@ -70,7 +67,7 @@ impl ShaderTest {
             data.take(given)?;
         }
         for (path, scalars) in &self.members {
-            data.set(path, &scalars[..])?;
+            data.set(path, scalars)?;
         }
         batch.registers.set_lane_words(registers.first, 0, data.words());
         Ok(())

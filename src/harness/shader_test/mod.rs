@@ -21,7 +21,7 @@ use crate::harness::data::Bytes;
 use crate::harness::given::{Given, gives_resources};
 use crate::harness::hit::Hit;
 use crate::harness::mock::{Answer, CallableCall, ExecuteCall, TraceCall, in_turn};
-use crate::harness::scalars::{ScalarValue, Scalars, builtin_words};
+use crate::harness::scalars::{NestedScalars, Scalars, builtin_words};
 use crate::harness::shader_outcome::ReportedHit;
 use crate::harness::struct_data::StructData;
 use crate::machine::{Batch, Buffer};
@@ -57,7 +57,7 @@ pub struct ShaderTest {
     launch: [[u32; 3]; 2],
     builtins: Vec<(&'static Builtin, Vec<u32>)>,
     payload: Option<Bytes>,
-    members: Vec<(String, Vec<ScalarValue>)>,
+    members: Vec<(String, NestedScalars)>,
     attributes: Option<Bytes>,
     record: Option<Bytes>,
     given: Given,
@@ -159,7 +159,7 @@ impl ShaderTest {
     /// `"PrimitiveId"`, `"RayTmaxKHR"`. The suffix may be left out.
     #[must_use]
     pub fn builtin(mut self, name: &str, value: impl Scalars) -> Self {
-        match builtin_words(name, &value) {
+        match builtin_words(&self.program.module, name, &value.nested()) {
             Ok((builtin, words)) => {
                 self.builtins.retain(|(known, _)| known.number != builtin.number);
                 self.builtins.push((builtin, words));
@@ -179,7 +179,7 @@ impl ShaderTest {
     /// `.payload_member("path[1].weight", 0.5f32)`.
     #[must_use]
     pub fn payload_member(mut self, path: &str, value: impl Scalars) -> Self {
-        self.members.push((path.to_owned(), value.scalars()));
+        self.members.push((path.to_owned(), value.nested()));
         self
     }
 
@@ -193,6 +193,12 @@ impl ShaderTest {
     #[must_use]
     pub fn shader_record<T: NoUninit + Debug>(self, record: &T) -> Self {
         Self { record: Some(Bytes::of(record)), ..self }
+    }
+
+    /// The data of the shader record as bytes, little-endian, whatever types the shader declares.
+    #[must_use]
+    pub fn shader_record_bytes(self, bytes: &[u8]) -> Self {
+        Self { record: Some(Bytes::raw(bytes)), ..self }
     }
 
     /// The data of the shader record, written by the names of its members.

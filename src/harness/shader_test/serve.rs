@@ -65,12 +65,6 @@ impl ShaderTest {
         Ok(())
     }
 
-    fn calls_out(&self, what: &str, answer: &str) -> Error {
-        let message = format!("{} `{}` {what}", self.program.stage.name(), self.program.name);
-        let error = invalid(message).note("test it with others in a pipeline: `pipeline.trace(&scene, ray)`");
-        if answer.is_empty() { error } else { error.note(answer) }
-    }
-
     /// The variable of the interface whose registers an instruction names.
     fn data_at(&self, batch: &Batch<1>, at: RegSpan, what: &'static str) -> TypedBytes {
         let registers = self.program.interface.iter().find(|registers| registers.first == at.first);
@@ -87,10 +81,6 @@ impl ShaderTest {
         number: usize,
         object: Option<ObjectRef>,
     ) -> Result<Option<TraceCall>> {
-        let answer = self.traces.as_ref().ok_or_else(|| {
-            let how = "or answer it: `.on_trace(|trace| trace.payload.set(\"colour\", [1.0f32, 0.0, 0.0]))`";
-            self.calls_out("traces a ray", how)
-        })?;
         let mut operands = [0; TRACE_OPERANDS as usize];
         let read = batch.registers.lane_words(at, TRACE_OPERANDS, 0);
         operands.iter_mut().zip(read).for_each(|(to, word)| *to = word);
@@ -116,7 +106,9 @@ impl ShaderTest {
             found: None,
         };
         let in_trace = |error: Error| error.context(format!("trace {}", number + 1));
-        answer.give(&mut call).map_err(in_trace)?;
+        if let Some(answer) = &self.traces {
+            answer.give(&mut call).map_err(in_trace)?;
+        }
         if let Some(object) = object {
             let found = call.hit_object().map_err(in_trace)?;
             if let Err(code) = store(batch, object, 0, found) {
@@ -151,13 +143,11 @@ impl ShaderTest {
                 return Ok(None);
             }
         };
-        let answer = self.executes.as_ref().ok_or_else(|| {
-            let how = "or answer it: `.on_execute(|call| call.payload.set(\"colour\", [1.0f32, 0.0, 0.0]))`";
-            self.calls_out("executes a hit object", how)
-        })?;
         let data = self.data_at(batch, payload, "the payload");
         let Some(mut call) = ExecuteCall::of(&found, number, data) else { return Ok(None) };
-        answer.give(&mut call).map_err(|error| error.context(format!("execution {}", number + 1)))?;
+        if let Some(answer) = &self.executes {
+            answer.give(&mut call).map_err(|error| error.context(format!("execution {}", number + 1)))?;
+        }
         batch.registers.set_lane_words(payload.first, 0, call.payload.words().take(payload.count as usize));
         Ok(Some(call))
     }
@@ -176,8 +166,9 @@ impl ShaderTest {
             return Ok(());
         }
         let Some(record) = &self.object_record else {
-            let how = "or give it: `.hit_object_record(&data)`";
-            return Err(self.calls_out("asks for the shader record of a hit object", how));
+            let (stage, name) = (self.program.stage.name(), &self.program.name);
+            let error = invalid(format!("{stage} `{name}` asks for the shader record of a hit object"));
+            return Err(error.note("give it: `.hit_object_record(&data)`"));
         };
         let address = memory.address_of(record).unwrap_or(0);
         batch.registers.set_lane_words(to, 0, [address as u32, (address >> 32) as u32]);
@@ -185,14 +176,12 @@ impl ShaderTest {
     }
 
     fn call(&self, batch: &mut Batch<1>, index: Reg, span: RegSpan, number: usize) -> Result<CallableCall> {
-        let answer = self.calls.as_ref().ok_or_else(|| {
-            let how = "or answer it: `.on_call(|call| call.data.set(\"\", 1.0f32))`";
-            self.calls_out("calls a callable shader", how)
-        })?;
         let index = batch.registers[index].0[0];
         let data = self.data_at(batch, span, "the callable data");
         let mut call = CallableCall { number, index, given: data.value(), data };
-        answer.give(&mut call).map_err(|error| error.context(format!("call {}", number + 1)))?;
+        if let Some(answer) = &self.calls {
+            answer.give(&mut call).map_err(|error| error.context(format!("call {}", number + 1)))?;
+        }
         batch.registers.set_lane_words(span.first, 0, call.data.words().take(span.count as usize));
         Ok(call)
     }

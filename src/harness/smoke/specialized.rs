@@ -41,7 +41,7 @@ pub(super) fn programs(
                 return found;
             }
             let mut other = (**module).clone();
-            if other.specialize(id, bits).is_err() {
+            if other.specialize_bits(id, bits).is_err() {
                 continue;
             }
             let Ok(program) = program::lower(&Arc::new(other), entry) else { continue };

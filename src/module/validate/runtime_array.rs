@@ -59,13 +59,13 @@ pub(super) fn variable_fault(module: &Module, ty: TypeId, class: u32) -> Option<
         Type::RuntimeArray { .. } if !matches!(class, STORAGE_BUFFER | UNIFORM | UNIFORM_CONSTANT) => {
             fault(format!("a runtime array of variables in {}", storage_class_name(class)))
         }
-        Type::Struct { block, buffer_block, .. } if holds_runtime_array(module, ty) => {
+        Type::Struct { block, .. } if holds_runtime_array(module, ty) => {
             let name = module.id_of_type(ty).map_or_else(String::new, |id| module.quoted_name(id));
             match class {
                 STORAGE_BUFFER | PHYSICAL_STORAGE_BUFFER if block => None,
-                UNIFORM if buffer_block => None,
-                UNIFORM => fault(format!("{name} holds a runtime array in Uniform and is no BufferBlock")),
-                STORAGE_BUFFER | PHYSICAL_STORAGE_BUFFER => {
+                // In Uniform by the feature shaderUniformBufferUnsizedArray.
+                STORAGE_BUFFER | PHYSICAL_STORAGE_BUFFER | UNIFORM if block => None,
+                STORAGE_BUFFER | PHYSICAL_STORAGE_BUFFER | UNIFORM => {
                     fault(format!("{name} holds a runtime array and is no Block"))
                 }
                 _ => fault(format!("{name} holds a runtime array in {}", storage_class_name(class))),

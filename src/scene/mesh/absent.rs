@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use crate::error::{Error, ErrorKind, Place, Result};
+use crate::error::{Error, ErrorKind, Place, Result, feature_note};
 use crate::scene::files::Files;
 use crate::scene::mesh::Mesh;
 use crate::scene::mesh::listed::{Listed, Numbers};
@@ -12,7 +12,7 @@ use crate::scene::mesh::listed::{Listed, Numbers};
 fn missing(format: &str, feature: &str, path: &Path) -> Error {
     Error::new(ErrorKind::UnsupportedTool, format!("this build of anyhit reads no {format} files"))
         .at(Place::File(path.to_path_buf()))
-        .note(format!("build it with `cargo build --features {feature}`"))
+        .note(feature_note(feature))
 }
 
 /// An open glTF file, of which there is none.

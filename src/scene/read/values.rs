@@ -139,7 +139,12 @@ macro_rules! floats {
                     Ok(number) if number.is_infinite() && !named_infinity => {
                         value.wrong(format!("`{text}` is beyond the range of {}", stringify!($ty)))
                     }
-                    Ok(number) => Some(number),
+                    Ok(number) => match value.toml() {
+                        Toml::Integer(digits, _) if digits.parse() != Ok(number as i128) => value.wrong(
+                            format!("`{text}` is no {}: the nearest is {number}", stringify!($ty)),
+                        ),
+                        _ => Some(number),
+                    },
                     Err(_) => value.expected("a number"),
                 }
             }
