@@ -12,7 +12,7 @@ use serde_json::Value;
 
 const FRAME: &str = "shaders/pass/frames/ping-pong/scene.toml";
 
-fn row(outcome: &anyhit::internals::harness::loaded_scene::SceneOutcome, image: &str) -> Result<[f32; 4]> {
+fn row(outcome: &anyhit::internals::harness::loaded_scene::SceneOutcome, image: &str) -> Result<[f64; 4]> {
     let image = outcome.image(image)?;
     Ok([0, 1, 2, 3].map(|x| image.at(x, 0)[0]))
 }

@@ -18,7 +18,7 @@ pub(crate) fn texels<'py>(py: Python<'py>, texels: &Texels) -> PyResult<Bound<'p
         true => py.detach(|| image.bytes()),
         false => py.detach(|| {
             let numbers = texels.rows().into_iter().flatten().flatten();
-            numbers.flat_map(f32::to_le_bytes).collect()
+            numbers.flat_map(|number| (number as f32).to_le_bytes()).collect()
         }),
     };
     let float = py.import("numpy")?.call_method1("dtype", ("<f4",))?;

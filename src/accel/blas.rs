@@ -1,5 +1,6 @@
 //! Bottom-level acceleration structures.
 
+use std::fmt;
 use std::ops::Deref;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
@@ -19,7 +20,6 @@ use crate::geometry::Bounds;
 /// Creating one only validates it. Its boxes and its BVH are built when rays reach it; the BVH is
 /// not built if it holds few primitives or few rays reach it. For a few rays whose traversal is
 /// explained, only the parts are built that they enter.
-#[derive(Debug)]
 pub struct Blas {
     geometries: Vec<Geometry>,
     bounds: OnceLock<Bounds>,
@@ -49,6 +49,17 @@ const LAZY_BUILD_PRIMITIVES: usize = 512;
 /// As many rays whose traversal is explained, and which always see a BVH, build only what they
 /// enter of one over more than [`LAZY_BUILD_PRIMITIVES`] primitives.
 const PARTIAL_BUILD_RAYS: u32 = 64;
+
+/// The number of geometries, and the first of them.
+impl fmt::Debug for Blas {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        const SHOWN: usize = 4;
+        f.debug_struct("Blas")
+            .field("geometry_count", &self.geometries.len())
+            .field("geometries", &&self.geometries[..self.geometries.len().min(SHOWN)])
+            .finish_non_exhaustive()
+    }
+}
 
 impl Blas {
     /// Takes the geometries; the tree is built on first use.

@@ -69,6 +69,19 @@ impl RayFlags {
     /// `ForceOpacityMicromap2StateKHR`
     pub const FORCE_OPACITY_MICROMAP_2_STATE: Self = Self(1024);
 
+    /// Checks that every bit is one of the constants above.
+    ///
+    /// # Errors
+    /// What is wrong, in words.
+    pub(crate) fn check_known(self) -> Result<(), String> {
+        let unknown = self.0 & !0x7FF;
+        let first = unknown.trailing_zeros();
+        match unknown {
+            0 => Ok(()),
+            _ => Err(format!("the ray flags {:#x} hold bit {first}, and ray flags are bits 0 to 10", self.0)),
+        }
+    }
+
     /// Whether all of the given bits are set.
     #[inline]
     pub fn contains(self, bits: Self) -> bool {

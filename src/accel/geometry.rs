@@ -1,5 +1,6 @@
 //! A geometry of a BLAS: primitives of one kind with their flags, micromap and motion.
 
+use std::fmt;
 use std::sync::Arc;
 
 use crate::accel::flags::GeometryFlags;
@@ -10,7 +11,7 @@ use crate::accel::primitive::{Primitive, triangle};
 use crate::math::array;
 
 /// One geometry of a BLAS.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, PartialEq)]
 pub struct Geometry {
     /// The primitives of the geometry.
     pub data: GeometryData,
@@ -23,6 +24,20 @@ pub struct Geometry {
     /// Positions at time 1 of triangles whose own vertices are those of time 0, one for each
     /// (`VkAccelerationStructureGeometryMotionTrianglesDataNV`); without it they are at rest.
     pub vertices_t1: Option<Arc<[[f32; 3]]>>,
+}
+
+/// Data and flags; of what may be large only whether it is there.
+impl fmt::Debug for Geometry {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { data, flags, opacity_micromap, cluster_id, vertices_t1 } = self;
+        f.debug_struct("Geometry")
+            .field("data", data)
+            .field("flags", flags)
+            .field("has_opacity_micromap", &opacity_micromap.is_some())
+            .field("cluster_id", cluster_id)
+            .field("moves", &vertices_t1.is_some())
+            .finish()
+    }
 }
 
 /// How many primitives geometries hold together, inactive ones included.

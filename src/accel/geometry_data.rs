@@ -3,7 +3,7 @@
 use std::fmt;
 
 /// The primitives of one geometry, in object space.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, PartialEq)]
 pub enum GeometryData {
     /// Triangles, three vertices each.
     Triangles {
@@ -87,6 +87,53 @@ impl GeometryData {
                     Indexing::Successive => entries,
                 }
             }
+        }
+    }
+}
+
+/// The first elements of a list, and how many there are.
+struct Beginning<'a, T>(&'a [T]);
+
+impl<T: fmt::Debug> fmt::Debug for Beginning<'_, T> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        const SHOWN: usize = 8;
+        let shown = self.0.iter().take(SHOWN);
+        match self.0.len() {
+            ..=SHOWN => f.debug_list().entries(shown).finish(),
+            all => f.debug_list().entries(shown).entry(&format_args!("... {all} in all")).finish(),
+        }
+    }
+}
+
+/// The kind, and the first elements of every list.
+impl fmt::Debug for GeometryData {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let indices = |indices: &Option<Vec<u32>>| match indices {
+            Some(indices) => format!("Some({:?})", Beginning(indices)),
+            None => "None".to_owned(),
+        };
+        match self {
+            Self::Triangles { vertices, indices: by, transform } => f
+                .debug_struct("Triangles")
+                .field("vertices", &Beginning(vertices))
+                .field("indices", &format_args!("{}", indices(by)))
+                .field("transform", transform)
+                .finish(),
+            Self::Aabbs(boxes) => f.debug_tuple("Aabbs").field(&Beginning(boxes)).finish(),
+            Self::Spheres { positions, radii, indices: by } => f
+                .debug_struct("Spheres")
+                .field("positions", &Beginning(positions))
+                .field("radii", &Beginning(radii))
+                .field("indices", &format_args!("{}", indices(by)))
+                .finish(),
+            Self::LinearSweptSpheres { positions, radii, indices: by, indexing, end_caps } => f
+                .debug_struct("LinearSweptSpheres")
+                .field("positions", &Beginning(positions))
+                .field("radii", &Beginning(radii))
+                .field("indices", &format_args!("{}", indices(by)))
+                .field("indexing", indexing)
+                .field("end_caps", end_caps)
+                .finish(),
         }
     }
 }

@@ -1,5 +1,6 @@
 //! Top-level acceleration structures and instances.
 
+use std::fmt;
 use std::sync::{Arc, OnceLock};
 
 use crate::accel::binned_sah::SahCost;
@@ -34,7 +35,6 @@ pub(super) enum InstanceTransform {
 }
 
 /// A top-level acceleration structure.
-#[derive(Debug)]
 pub struct Tlas {
     instances: Vec<TlasInstance>,
     /// The transform of each instance.
@@ -49,6 +49,17 @@ pub struct Tlas {
     opaque: OnceLock<bool>,
     precision: Precision,
     cpu_tier: CpuTier,
+}
+
+/// The number of instances, and the first of them.
+impl fmt::Debug for Tlas {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        const SHOWN: usize = 8;
+        f.debug_struct("Tlas")
+            .field("instance_count", &self.instances.len())
+            .field("instances", &&self.instances[..self.instances.len().min(SHOWN)])
+            .finish_non_exhaustive()
+    }
 }
 
 impl Tlas {

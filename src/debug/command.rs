@@ -1,5 +1,6 @@
 //! Parses pixels and rays of a command line: `3,4` and `0,0,5 0,0,-1`.
 
+use crate::accel::RayFlags;
 use crate::debug::names;
 use crate::error::{Error, ErrorKind, Result};
 
@@ -94,6 +95,10 @@ pub fn flags(text: &str) -> Result<u32> {
                 .note(format!("the flags are {}, or a number", names::all_flags()))
         })?;
     }
+    RayFlags(bits).check_known().map_err(|message| {
+        Error::new(ErrorKind::InvalidArgument, message)
+            .note(format!("the flags are {}, or the sum of their numbers", names::all_flags()))
+    })?;
     Ok(bits)
 }
 

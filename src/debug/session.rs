@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use crate::accel::Tlas;
+use crate::accel::{RayFlags, Tlas};
 use crate::debug::command;
 use crate::debug::event_log::EventLog;
 use crate::debug::memory::Snapshot;
@@ -335,6 +335,10 @@ pub(crate) fn check(ray: &GivenRay) -> Result<GivenRay> {
         let message = format!("the ray's time is {}: it is from 0 to 1", ray.time);
         return Err(invalid(message).note("VUID-RuntimeSpirv-OpTraceRayMotionNV-06366"));
     }
+    RayFlags(ray.flags).check_known().map_err(|message| {
+        let names = crate::debug::names::all_flags();
+        invalid(message).note(format!("the flags are {names}, or the sum of their numbers"))
+    })?;
     let exclusive = |bits: u32| (ray.flags & bits).count_ones() <= 1;
     if !(exclusive(1 | 2 | 64 | 128) && exclusive(256 | 16 | 32) && exclusive(256 | 512)) {
         let names = crate::debug::names::flags(ray.flags).names.join(", ");

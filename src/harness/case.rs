@@ -122,11 +122,17 @@ impl Case {
     /// `CACHEDIR.TAG` marks are passed by.
     ///
     /// # Errors
-    /// `Io` where a folder cannot be read, and the mistakes of scene files that are no TOML.
+    /// `Io` where a folder cannot be read, `InvalidArgument` where none has a case, and the mistakes
+    /// of scene files that are no TOML.
     pub fn discover(folder: &Path) -> Result<Vec<Self>> {
         let mut cases = Vec::new();
         for scene in scenes(folder)? {
             cases.extend(Self::of(&scene)?);
+        }
+        if cases.is_empty() {
+            let message = format!("`{}` has no `scene.toml` and no `*.test.toml`", escape::path(folder));
+            return Err(Error::new(ErrorKind::InvalidArgument, message)
+                .note("name a folder with cases: without any, nothing would be checked"));
         }
         Ok(cases)
     }

@@ -15,7 +15,7 @@ use crate::module::Module;
 use crate::module::ty::TypeId;
 
 /// A payload or callable data: bytes with the type that the shader gives them.
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub struct TypedBytes {
     module: Arc<Module>,
     ty: TypeId,

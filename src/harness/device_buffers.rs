@@ -1,5 +1,6 @@
 //! Buffers at device addresses, for shaders that reach them by pointers.
 
+use std::fmt;
 use bytemuck::NoUninit;
 
 use crate::error::{Error, ErrorKind, Result};
@@ -35,11 +36,20 @@ use crate::sorted::SortedMap;
 /// # Ok(())
 /// # }
 /// ```
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Default)]
 pub struct DeviceBuffers {
     /// Addresses by name.
     memory: DeviceMemory,
     contents: SortedMap<String, Vec<u8>>,
+}
+
+/// The names with the sizes in bytes.
+impl fmt::Debug for DeviceBuffers {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let sizes = self.contents.iter().map(|(name, bytes)| (name, bytes.len()));
+        f.write_str("DeviceBuffers ")?;
+        f.debug_map().entries(sizes).finish()
+    }
 }
 
 impl DeviceBuffers {

@@ -10,6 +10,7 @@ use crate::harness::bound::blocks;
 use crate::harness::data::Bytes;
 use crate::harness::device_buffers::DeviceBuffers;
 use crate::harness::fit::check_block;
+use crate::harness::image_views;
 use crate::harness::layout::{Layout, Rules};
 use crate::harness::rust_layout::RustLayout;
 use crate::machine::{Binding, Buffer, Descriptor, Resources};
@@ -85,6 +86,7 @@ impl Given {
         if compared.iter().any(|known| Arc::ptr_eq(known, program)) {
             return Ok(());
         }
+        image_views::check(program, &self.resources)?;
         for (ty, class, place) in blocks(program) {
             let layout = Layout::new(&program.module, ty, Rules::Explicit);
             if let Some((Binding { set, binding }, rust)) =

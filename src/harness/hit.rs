@@ -96,7 +96,7 @@ impl Hit {
     ///
     /// # Errors
     /// `InvalidScene` for numbers that no geometry may have, `InvalidArgument` without a ray,
-    /// for one that breaks a rule, and where it misses.
+    /// for one that breaks a rule or has unknown flags, and where it misses.
     pub(super) fn resolve(self) -> Result<Resolved> {
         let wrong = |message: String| Error::new(ErrorKind::InvalidArgument, message);
         let Some(ray) = self.ray else {
@@ -107,6 +107,9 @@ impl Hit {
         let what = self.instance.describe();
         let tlas = Tlas::new(vec![self.instance.make()?])?;
         let trace = TraceRay { ray, flags: self.ray_flags, cull_mask: self.cull_mask, time: self.time };
+        trace.flags.check_known().map_err(|message| {
+            wrong(message).note("combine the constants of `RayFlags`: `RayFlags::OPAQUE | RayFlags::SKIP_AABBS`")
+        })?;
         trace.check().map_err(|rule| {
             wrong(format!("a ray that cannot be traced: {}", ray_rules::describe_of_trace(rule)))
         })?;

@@ -3,7 +3,7 @@
 use crate::accel::{
     self, Blas, EndCaps, Geometry, GeometryData, GeometryFlags, Indexing, InstanceFlags, Motion,
 };
-use crate::error::Result;
+use crate::error::{Error, ErrorKind, Result};
 
 const IDENTITY: [[f32; 4]; 3] = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
 
@@ -148,7 +148,8 @@ impl Instance {
         self
     }
 
-    /// How it moves while the time of rays goes from 0 to 1; counts in place of its transform.
+    /// How it moves while the time of rays goes from 0 to 1: in place of a transform. An instance
+    /// that has both is an error of the scene.
     #[must_use]
     pub fn motion(self, motion: Motion) -> Self {
         Self { motion: Some(motion), ..self }
@@ -194,8 +195,13 @@ impl Instance {
     }
 
     /// # Errors
-    /// `InvalidScene` for numbers that no geometry may have.
+    /// `InvalidScene` for numbers that no geometry may have, and for a transform beside a motion.
     pub(super) fn make(self) -> Result<accel::TlasInstance> {
+        if self.motion.is_some() && self.transform != IDENTITY {
+            let message = "an instance with a motion has a transform, too, which would be ignored";
+            return Err(Error::new(ErrorKind::InvalidScene, message)
+                .note("leave out `.transform` and `.translate`: the two keys of `Motion` place the instance"));
+        }
         Ok(accel::TlasInstance {
             blas: Blas::new(self.geometries)?,
             transform: self.transform,

@@ -1,6 +1,6 @@
 //! A scene file, changed and launched from Rust.
 
-use std::fmt::Debug;
+use std::fmt::{self, Debug};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -82,7 +82,7 @@ impl Source {
 }
 
 /// A change of a scene.
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 enum Change {
     Buffer(String, Bytes),
     PushConstants(Bytes),
@@ -91,6 +91,20 @@ enum Change {
     Motion(usize, Motion),
     Shader(String, PathBuf, ShaderCode),
     MaxRecursion(u32),
+}
+
+impl fmt::Debug for Change {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Buffer(name, bytes) => write!(f, "buffer `{name}` of {} bytes", bytes.len()),
+            Self::PushConstants(bytes) => write!(f, "push constants of {} bytes", bytes.len()),
+            Self::ShaderRecord(name, bytes) => write!(f, "shader record `{name}` of {} bytes", bytes.len()),
+            Self::Transform(instance, rows) => write!(f, "transform of instance {instance}: {rows:?}"),
+            Self::Motion(instance, motion) => write!(f, "motion of instance {instance}: {motion:?}"),
+            Self::Shader(name, _, code) => write!(f, "shader `{name}`: {code:?}"),
+            Self::MaxRecursion(depth) => write!(f, "recursion depth {depth}"),
+        }
+    }
 }
 
 impl LoadedScene {

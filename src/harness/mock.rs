@@ -177,21 +177,40 @@ impl CallableCall {
 
 /// How calls are answered.
 #[allow(clippy::type_complexity, reason = "a closure that threads may share has this type")]
-pub(super) struct Answer<C>(Arc<dyn Fn(&mut C) -> Result<()> + Send + Sync>);
+pub(super) struct Answer<C> {
+    answer: Arc<dyn Fn(&mut C) -> Result<()> + Send + Sync>,
+    /// What is answered, and how many answers there are, where they are listed.
+    listed: Option<(&'static str, usize)>,
+}
 
 impl<C> Answer<C> {
     pub(super) fn new(answer: impl Fn(&mut C) -> Result<()> + Send + Sync + 'static) -> Self {
-        Self(Arc::new(answer))
+        Self { answer: Arc::new(answer), listed: None }
+    }
+
+    /// Checks that a run took all answers that were listed for it.
+    ///
+    /// # Errors
+    /// `InvalidArgument` where it made fewer calls than there are answers.
+    pub(super) fn check_taken(&self, calls: usize) -> Result<()> {
+        let Some((what, count)) = self.listed.filter(|&(_, count)| count > calls) else { return Ok(()) };
+        let plural = |count: usize, one: &str| match count {
+            1 => format!("1 {one}"),
+            _ => format!("{count} {one}s"),
+        };
+        let message = format!("{}, {}", plural(count, "answer"), plural(calls, what));
+        let how = "list as many answers as the shader makes calls, or answer with a closure";
+        Err(Error::new(ErrorKind::InvalidArgument, message).note(how))
     }
 
     pub(super) fn give(&self, call: &mut C) -> Result<()> {
-        (self.0)(call)
+        (self.answer)(call)
     }
 }
 
 impl<C> Clone for Answer<C> {
     fn clone(&self) -> Self {
-        Self(self.0.clone())
+        Self { answer: self.answer.clone(), listed: self.listed }
     }
 }
 
@@ -208,7 +227,8 @@ pub(super) fn in_turn<C: 'static, T: NoUninit + Debug>(
     parts: fn(&mut C) -> (usize, &mut TypedBytes),
 ) -> Answer<C> {
     let answers: Vec<Bytes> = answers.iter().map(Bytes::of).collect();
-    Answer::new(move |call| {
+    let listed = Some((what, answers.len()));
+    let answer = Answer::new(move |call| {
         let (number, data) = parts(call);
         match answers.get(number) {
             Some(answer) => data.take(answer),
@@ -221,5 +241,6 @@ pub(super) fn in_turn<C: 'static, T: NoUninit + Debug>(
                 Err(Error::new(ErrorKind::InvalidArgument, message))
             }
         }
-    })
+    });
+    Answer { listed, ..answer }
 }

@@ -23,6 +23,7 @@ mod fit;
 mod given;
 pub mod hit;
 pub mod host_layout;
+mod image_views;
 pub mod instance;
 pub mod layout;
 mod memory;
@@ -39,6 +40,7 @@ pub mod smoke;
 #[cfg(feature = "proptest")]
 pub mod strategies;
 pub mod struct_data;
+mod summaries;
 pub mod texels;
 pub mod trace;
 pub mod typed;

@@ -58,7 +58,7 @@ use crate::program::struct_lookup::{DataBlock, StructTable, find, find_block, la
 /// # Ok(())
 /// # }
 /// ```
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub struct StructData {
     module: Arc<Module>,
     ty: TypeId,

@@ -11,6 +11,7 @@ use crate::geometry::Ray;
 use crate::harness::bound::{Bound, reads_what_is_bound};
 use crate::harness::data::{Bytes, TypedBytes};
 use crate::harness::explain::{Explain, Explanation, What};
+use crate::harness::image_views;
 use crate::harness::layout::{Layout, Rules};
 use crate::harness::rust_layout::RustLayout;
 use crate::harness::scene::Scene;
@@ -246,6 +247,8 @@ impl Pipeline {
         take: impl FnMut(Band<'_>) -> Result<()> + Send,
     ) -> Result<Launched> {
         self.check_launch(scene, [width, height, 1])?;
+        let format = |program: &Arc<Program>| image_views::check_format(program, image.binding, image.format);
+        self.programs.iter().try_for_each(format)?;
         let resources = scene.resources();
         let launch = Launch { pipeline: self, resources };
         let bands = launch
@@ -299,6 +302,10 @@ impl Pipeline {
             let given = RustLayout::untold("the payload given".into(), operands.payload.len() * 4);
             return Err(layout(program, registers).mismatch("the payload", &given, None));
         }
+        operands.trace.flags.check_known().map_err(|message| {
+            Error::new(ErrorKind::InvalidArgument, message)
+                .note("combine the constants of `RayFlags`: `RayFlags::OPAQUE | RayFlags::SKIP_AABBS`")
+        })?;
         self.check(scene)?;
         let resources = scene.resources();
         let launch = Launch { pipeline: self, resources };

@@ -1,5 +1,6 @@
 //! Buffers: words that all invocations share, read and written atomically.
 
+use std::fmt;
 use std::sync::atomic::AtomicU32;
 use std::sync::atomic::Ordering::Relaxed;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -9,7 +10,6 @@ use crate::math::array;
 /// A buffer, or the range of one that a descriptor refers to (`VkDescriptorBufferInfo`): all ranges
 /// of a buffer are views of the same memory. The size is in bytes and need not be a multiple of
 /// four.
-#[derive(Debug)]
 pub struct Buffer {
     /// The words of the whole memory.
     memory: Arc<[AtomicU32]>,
@@ -229,6 +229,30 @@ impl Buffer {
         inside.then(|| self.word_at(offset))
     }
 }
+
+/// The size and the first bytes: a buffer of any size prints one line.
+impl fmt::Debug for Buffer {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "Buffer({} bytes", self.size)?;
+        if self.null {
+            f.write_str(", null")?;
+        }
+        if let Some(name) = &self.view_of {
+            write!(f, ", from {} of `{name}`", self.offset())?;
+        }
+        let shown = self.words().iter().take(SHOWN_BYTES / 4);
+        let bytes = shown.flat_map(|word| word.load(Relaxed).to_le_bytes()).take(self.size as usize);
+        let bytes: Vec<String> = bytes.map(|byte| format!("{byte:02x}")).collect();
+        let more = if self.size > SHOWN_BYTES as u64 { " ..." } else { "" };
+        match bytes.is_empty() {
+            true => f.write_str(")"),
+            false => write!(f, ": {}{more})", bytes.join(" ")),
+        }
+    }
+}
+
+/// Bytes that [`Buffer`] prints.
+const SHOWN_BYTES: usize = 16;
 
 /// As many words of zero as this many bytes take.
 fn zeros(bytes: usize) -> Arc<[AtomicU32]> {

@@ -9,6 +9,7 @@ use std::sync::LazyLock;
 
 use half::f16;
 
+use crate::error::{Error, ErrorKind, Result};
 use crate::math::array;
 use crate::math::srgb;
 
@@ -143,6 +144,38 @@ impl Format {
     /// A format of linear components.
     pub const fn new(component: Component, channels: u8) -> Self {
         Self { component, channels, srgb: false }
+    }
+
+    /// Checks that texels of the format exist.
+    ///
+    /// # Errors
+    /// `InvalidArgument` with the channels that the component has, and for sRGB of another one.
+    pub(crate) fn check(self) -> Result<()> {
+        use Component::*;
+        let channels: &[u8] = match self.component {
+            Unorm10A2 | Uint10A2 => &[4],
+            Float11B10 | SharedExponent => &[3],
+            Uint64 | Sint64 => &[1],
+            _ => &[1, 2, 4],
+        };
+        let wrong = |message, note: String| {
+            Err(Error::new(ErrorKind::InvalidArgument, message).note(note))
+        };
+        let Self { component, channels: given, srgb } = self;
+        if !channels.contains(&given) {
+            let all: Vec<String> = channels.iter().map(u8::to_string).collect();
+            let all = match &all[..] {
+                [rest @ .., last] if !rest.is_empty() => format!("{} or {last}", rest.join(", ")),
+                _ => all.join(""),
+            };
+            let message = format!("no format has {given} channels of `Component::{component:?}`");
+            return wrong(message, format!("write `Format::new(Component::{component:?}, N)`, where N is {all}"));
+        }
+        if srgb && component != Unorm8 {
+            let message = format!("no format stores `Component::{component:?}` sRGB-encoded");
+            return wrong(message, "set `srgb` to false, or write `Format::RGBA8_SRGB`".to_owned());
+        }
+        Ok(())
     }
 
     /// The format with a number of SPIR-V's "Image Format"; `None` for `Unknown` (0) and beyond.

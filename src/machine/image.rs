@@ -1,5 +1,6 @@
 //! Images as plain data: their shape, and texels that threads may share.
 
+use std::fmt;
 use std::ops::Range;
 use std::sync::{Arc, OnceLock};
 
@@ -171,7 +172,6 @@ pub struct SampleWeight {
 /// Texels follow each other by level, then layer, slice, row (the top one first), column, sample,
 /// each [`Format::texel_size`] bytes. They lie in relaxed atomics: plain loads and stores on every
 /// machine, and no undefined behaviour where a shader races.
-#[derive(Debug)]
 pub struct Image {
     format: Format,
     shape: ImageShape,
@@ -188,7 +188,7 @@ impl Image {
     /// stored is dropped, whatever the policy.
     ///
     /// # Errors
-    /// As [`ImageShape::check`].
+    /// As [`Image::zeroed`].
     pub fn null(format: Format, shape: ImageShape) -> Result<Arc<Self>> {
         let mut image = Self::zeroed(format, shape)?;
         Arc::get_mut(&mut image).expect("bug in anyhit: a new image is shared").null = true;
@@ -203,8 +203,11 @@ impl Image {
     /// An image of zeros.
     ///
     /// # Errors
-    /// As [`ImageShape::check`], and `InvalidImage` where there is no memory for so many texels.
+    /// `InvalidImage` where the parts of the shape do not suit each other, and where there is no
+    /// memory for so many texels; `InvalidArgument` for a format that no texel has, such as one of
+    /// seven channels, or an sRGB-encoded one of another component than `Unorm8`.
     pub fn zeroed(format: Format, shape: ImageShape) -> Result<Arc<Self>> {
+        format.check()?;
         Self::filled(format, shape, &[0; 16][..format.texel_size() as usize])
     }
 
@@ -219,8 +222,10 @@ impl Image {
     /// An image of these bytes.
     ///
     /// # Errors
-    /// As [`ImageShape::check`], and `InvalidImage` for another number of bytes than the shape has.
+    /// As [`Image::zeroed`], and `InvalidImage` for another number of bytes than the shape has.
     pub fn new(format: Format, shape: ImageShape, bytes: &[u8]) -> Result<Arc<Self>> {
+        format.check()?;
+        shape.check()?;
         let size = shape.texels().saturating_mul(u64::from(format.texel_size()));
         if bytes.len() as u64 != size {
             let message = format!("{} bytes for an image of {size}", bytes.len());
@@ -239,6 +244,7 @@ impl Image {
     /// # Errors
     /// As [`Image::new`].
     pub fn filled(format: Format, shape: ImageShape, texel: &[u8]) -> Result<Arc<Self>> {
+        shape.check()?;
         Self::filled_with(format, shape, whole(&shape), texel)
     }
 
@@ -268,6 +274,8 @@ impl Image {
         resident: Range<usize>,
         texel: &[u8],
     ) -> Result<Arc<Self>> {
+        format.check()?;
+        shape.check()?;
         let each = format.texel_size() as usize;
         if texel.len() != each {
             let message = format!("{} bytes for a texel of {each}", texel.len());
@@ -288,7 +296,6 @@ impl Image {
         resident: Range<usize>,
         words: impl FnOnce() -> Option<ImageWords>,
     ) -> Result<Arc<Self>> {
-        shape.check()?;
         let words = words().ok_or_else(|| {
             let message = format!("no memory for an image of {} texels", shape.texels());
             Error::new(ErrorKind::InvalidImage, message)
@@ -481,119 +488,35 @@ impl Image {
     }
 }
 
+/// Format, shape and the first bytes: an image of any size prints one line.
+impl fmt::Debug for Image {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [width, height, depth] = self.shape.extent;
+        let ImageShape { dimension, layers, levels, samples, .. } = self.shape;
+        let name = self.format.name();
+        write!(f, "Image({name}, {dimension:?}, {width} x {height} x {depth}")?;
+        for (count, what) in [(layers, "layers"), (levels, "levels"), (samples, "samples")] {
+            if count > 1 {
+                write!(f, ", {count} {what}")?;
+            }
+        }
+        let null = if self.null { ", null" } else { "" };
+        let shown = self.resident.len().min(SHOWN_TEXELS);
+        let texels = self.resident.start..self.resident.start + shown;
+        let more = if shown < self.resident.len() { ", ..." } else { "" };
+        let bytes: Vec<String> =
+            self.texel_bytes(texels, 1).iter().map(|byte| format!("{byte:02x}")).collect();
+        write!(f, "{null}, bytes {}{more})", bytes.join(" "))
+    }
+}
+
+/// Texels that [`Image`] prints.
+const SHOWN_TEXELS: usize = 4;
+
 /// All texels.
 fn whole(shape: &ImageShape) -> Range<usize> {
     0..usize::try_from(shape.texels()).unwrap_or(usize::MAX)
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::machine::format::Component;
-
-    #[test]
-    fn a_band_has_some_rows_of_the_whole() {
-        let format = Format::new(Component::Uint8, 1);
-        let band = Image::band(3, 5, 2..4, format, &[7]).unwrap();
-        let position = |x, y| Position { at: [x, y, 0], ..Position::default() };
-        assert_eq!((band.shape().extent, band.rows()), ([3, 5, 1], 2..4));
-        // Two rows of three.
-        let index = [(0, 1), (0, 2), (2, 3), (0, 4)].map(|(x, y)| band.index(&position(x, y)));
-        assert_eq!(index, [None, Some(0), Some(5), None]);
-        assert_eq!([band.contains(&position(0, 4)), band.contains(&position(0, 5))], [true, false]);
-        band.store(5, 9);
-        assert_eq!((band.row_bytes(3), band.bytes()), (vec![7, 7, 9], vec![7, 7, 7, 7, 7, 9]));
-        assert_eq!(band.copied().row_bytes(3), [7, 7, 9]);
-        assert!(Image::band(3, 5, 2..6, format, &[7]).is_err());
-        assert_eq!(Image::zeroed(format, ImageShape::plane(3, 5)).unwrap().rows(), 0..5);
-    }
-
-    #[test]
-    fn an_image_is_filled_with_one_texel() {
-        for (component, channels) in [(Component::Unorm8, 1), (Component::Uint16, 4), (Component::Float32, 4)]
-        {
-            let format = Format::new(component, channels);
-            let texel: Vec<u8> = (1..=format.texel_size() as u8).collect();
-            let image = Image::filled(format, ImageShape::plane(5, 3), &texel).unwrap();
-            assert_eq!(image.bytes(), texel.repeat(15));
-            assert!(Image::filled(format, ImageShape::plane(5, 3), &[0; 3]).is_err());
-        }
-    }
-
-    #[test]
-    fn texels_of_every_size_keep_to_themselves() {
-        for (component, channels) in [
-            (Component::Unorm8, 1),
-            (Component::Unorm8, 2),
-            (Component::Unorm8, 4),
-            (Component::Unorm16, 4),
-            (Component::Float32, 4),
-        ] {
-            let format = Format::new(component, channels);
-            let size = format.texel_size() as usize;
-            let bytes: Vec<u8> = (0..6 * size).map(|at| at as u8).collect();
-            let image = Image::new(format, ImageShape::plane(3, 2), &bytes).unwrap();
-            let middle = image.index(&Position { at: [1, 1, 0], ..Position::default() }).unwrap();
-            assert_eq!(middle, 4);
-            let mut texel = [0; 16];
-            texel[..size].copy_from_slice(&bytes[4 * size..5 * size]);
-            assert_eq!(image.load(4), u128::from_le_bytes(texel));
-            image.store(4, 0);
-            let mut expected = bytes;
-            expected[4 * size..5 * size].fill(0);
-            assert_eq!(image.level_bytes(0), expected);
-        }
-    }
-
-    #[test]
-    fn levels_layers_and_samples_have_their_places() {
-        let format = Format::new(Component::Uint8, 1);
-        let shape =
-            ImageShape { dimension: Dimension::D2Array, extent: [5, 2, 1], layers: 2, levels: 3, samples: 1 };
-        // 5 x 2, 2 x 1, 1 x 1, each twice.
-        assert_eq!((shape.texels(), shape.max_levels()), (26, 3));
-        let image = Image::zeroed(format, shape).unwrap();
-        let index = |at, layer, level| image.index(&Position { at, layer, sample: 0, level });
-        assert_eq!(index([4, 1, 0], 1, 0), Some(19));
-        assert_eq!(index([1, 0, 0], 1, 1), Some(23));
-        assert_eq!(index([0, 0, 0], 1, 2), Some(25));
-        for outside in [index([5, 0, 0], 0, 0), index([-1, 0, 0], 0, 0), index([0, 0, 0], 2, 0)] {
-            assert_eq!(outside, None);
-        }
-        assert_eq!(index([2, 0, 0], 0, 1), None);
-        assert_eq!(index([0, 0, 0], 0, 3), None);
-        let four = Image::zeroed(format, ImageShape { samples: 4, ..ImageShape::plane(2, 1) }).unwrap();
-        let sample = |sample| four.index(&Position { at: [1, 0, 0], sample, ..Position::default() });
-        assert_eq!((sample(3), sample(4)), (Some(7), None));
-    }
-
-    #[test]
-    fn an_update_gives_what_was_there() {
-        let image =
-            Image::new(Format::new(Component::Uint32, 1), ImageShape::plane(2, 1), &[1, 0, 0, 0, 2, 0, 0, 0]);
-        let image = image.unwrap();
-        assert_eq!(image.update(1, |old| Some(old.wrapping_sub(3))), 2);
-        assert_eq!((image.load(0), image.load(1)), (1, 0xffff_ffff));
-    }
-
-    #[test]
-    fn shapes_that_do_not_fit_are_refused() {
-        let plane = ImageShape::plane(4, 4);
-        let refused = [
-            ImageShape { extent: [4, 4, 2], ..plane },
-            ImageShape { layers: 2, ..plane },
-            ImageShape { levels: 4, ..plane },
-            ImageShape { samples: 3, ..plane },
-            ImageShape { samples: 4, levels: 2, ..plane },
-            ImageShape { extent: [0, 1, 1], ..plane },
-            ImageShape { dimension: Dimension::Cube, layers: 5, ..plane },
-            ImageShape { dimension: Dimension::Cube, layers: 6, extent: [4, 2, 1], ..plane },
-            ImageShape { dimension: Dimension::D1, ..plane },
-        ];
-        for shape in refused {
-            assert_eq!(shape.check().unwrap_err().kind(), ErrorKind::InvalidImage, "{shape:?}");
-        }
-        assert!(ImageShape { levels: 3, ..plane }.check().is_ok());
-        assert!(Image::new(Format::RGBA32F, plane, &[0; 255]).is_err());
-    }
-}
+mod tests;

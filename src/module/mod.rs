@@ -56,6 +56,7 @@ use crate::module::id_map::IdMap;
 use crate::module::interface::EntryPoint;
 use crate::module::ty::{Type, TypeId};
 use crate::module::validate::ValidationFinding;
+use std::fmt;
 use std::ops::Range;
 use std::sync::OnceLock;
 
@@ -157,7 +158,7 @@ pub enum Definition {
 }
 
 /// A module: arenas of types, constants, variables and functions, with names and spans.
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub struct Module {
     /// The words, in this machine's byte order, header included.
     #[doc(hidden)]
@@ -219,6 +220,17 @@ pub struct Module {
     pub result_types: IdMap<TypeId>,
     /// What the compiler of its source warned of; none where the module was not compiled here.
     pub warnings: Vec<Warning>,
+}
+
+/// Version, entry points, and the number of words.
+impl fmt::Debug for Module {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Module")
+            .field("version", &self.version)
+            .field("words", &self.words.len())
+            .field("entry_points", &self.entry_points)
+            .finish_non_exhaustive()
+    }
 }
 
 impl Module {

@@ -123,18 +123,19 @@ impl Band<'_> {
     }
 
     /// R, G, B and A of the texel at a position in the whole image, as a shader reads them;
-    /// integers as numbers. Components that the format lacks are 0, and A is 1.
+    /// integers as numbers. Components that the format lacks are 0, and A is 1. Of 64-bit integers
+    /// those up to 2^53 are exact; [`Band::row_bytes`] has them all.
     ///
     /// # Errors
     /// `InvalidArgument` for a texel that is not in the band.
-    pub fn at(&self, x: u32, y: u32) -> Result<[f32; 4]> {
+    pub fn at(&self, x: u32, y: u32) -> Result<[f64; 4]> {
         let position = Position { at: [x.into(), y.into(), 0], ..Position::default() };
         let rows = self.rows();
         let index = self.image.index(&position).ok_or_else(|| {
             let message = format!("no texel ({x}, {y}) in rows {} to {}", rows.start, rows.end);
             Error::new(ErrorKind::InvalidArgument, message)
         })?;
-        Ok(array::map(self.image.format().decode_numbers(self.image.load(index)), |number| number as f32))
+        Ok(self.image.format().decode_numbers(self.image.load(index)))
     }
 }
 

@@ -30,6 +30,7 @@ mod tracing;
 mod trapped;
 mod workgroup;
 
+use std::fmt;
 use std::sync::Arc;
 
 use crate::accel::RecordIndex;
@@ -75,7 +76,7 @@ pub const GREATEST_CALLABLE_DEPTH: u32 = 1 << 14;
 pub const DEFAULT_STACK_SIZE: u64 = 1 << 23;
 
 /// Shaders, groups and the shader binding table.
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub struct Pipeline {
     /// The programs that groups name.
     #[doc(hidden)]
@@ -114,6 +115,26 @@ pub struct Pipeline {
     /// `maxShaderBindingTableRecordIndex`
     #[doc(hidden)]
     pub max_record_index: u64,
+}
+
+/// The programs and limits; of groups and records the numbers.
+impl fmt::Debug for Pipeline {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Sbt { ray_generation, miss, hit, callable, .. } = &self.sbt;
+        f.debug_struct("Pipeline")
+            .field("programs", &self.programs)
+            .field("groups", &self.groups.len())
+            .field("has_ray_generation", &ray_generation.is_some())
+            .field("miss_records", &miss.len())
+            .field("hit_records", &hit.len())
+            .field("callable_records", &callable.len())
+            .field("max_recursion", &self.max_recursion)
+            .field("fuel", &self.fuel)
+            .field("launch_limits", &self.launch_limits)
+            .field("subgroup_size", &self.subgroup_size)
+            .field("flags", &self.flags)
+            .finish_non_exhaustive()
+    }
 }
 
 impl Pipeline {

@@ -139,6 +139,21 @@ fn slot_type(program: &Program, slot: &Slot) -> Option<DescriptorType> {
     DescriptorType::of(module, class, ty)
 }
 
+/// The image type that the variable of a slot declares, with or without a sampler; `None` for
+/// another descriptor.
+pub fn image_of_slot(program: &Program, slot: &Slot) -> Option<ImageType> {
+    let module = &*program.module;
+    let variable = module.variables.iter().find(|variable| variable.id == slot.variable)?;
+    let (_, mut ty) = element_of(module, variable)?;
+    if let Type::SampledImage(image) = *module.ty(ty) {
+        ty = image;
+    }
+    match *module.ty(ty) {
+        Type::Image(image) => Some(image),
+        _ => None,
+    }
+}
+
 /// The descriptor types of a module's variables at a binding.
 pub fn declared(module: &Module, binding: Binding) -> Vec<DescriptorType> {
     let mut types = Vec::new();

@@ -164,7 +164,7 @@ pub struct Scope {
 }
 
 /// One entry point, ready to run. It does not change while it runs.
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub struct Program {
     /// The module of the entry point.
     pub module: Arc<Module>,

@@ -4,6 +4,19 @@ use std::fmt;
 
 use crate::program::Program;
 
+/// Stage, name, and how large it is; `Display` prints the operations.
+impl fmt::Debug for Program {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Program")
+            .field("stage", &self.stage)
+            .field("name", &self.name)
+            .field("operations", &self.ops.len())
+            .field("blocks", &self.blocks.len())
+            .field("registers", &self.register_count)
+            .finish_non_exhaustive()
+    }
+}
+
 impl fmt::Display for Program {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(

@@ -1,6 +1,8 @@
 //! Data whose bytes depend on device addresses, which are known only when the sizes of all data
 //! are.
 
+use std::fmt;
+
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::scene::address_entry::AddressOf;
 use crate::scene::addresses::Addresses;
@@ -18,7 +20,7 @@ enum Part {
 }
 
 /// The data of a resolved scene: bytes, with addresses between them.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Default, PartialEq, Eq)]
 pub struct Data {
     parts: Vec<Part>,
     /// The size that zeros fill up to, and where the scene says it.
@@ -29,6 +31,18 @@ pub struct Data {
 
 /// Bytes, and the addresses in them with their places, ascending.
 pub type Flattened = (Vec<u8>, Vec<(usize, AddressOf)>);
+
+/// The number of bytes that are given, and the size where it is said.
+impl fmt::Debug for Data {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let bytes = |part: &Part| if let Part::Bytes(bytes) = part { bytes.len() } else { 0 };
+        let given: usize = self.parts.iter().map(bytes).sum();
+        f.debug_struct("Data")
+            .field("given_bytes", &given)
+            .field("size", &self.size.as_ref().map(|(size, _)| size))
+            .finish_non_exhaustive()
+    }
+}
 
 impl From<Vec<u8>> for Data {
     fn from(bytes: Vec<u8>) -> Self {

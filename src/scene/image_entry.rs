@@ -1,5 +1,6 @@
 //! Images and texel buffers as a scene writes them: from files, typed data or one colour.
 
+use std::fmt;
 use std::path::Path;
 
 use crate::error::{ErrorKind, Result};
@@ -20,7 +21,7 @@ use crate::scene::sampler::SamplerReference;
 use crate::scene::tree::Toml;
 
 /// An image's content.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, PartialEq)]
 pub struct ImageContent {
     /// Its texels' format.
     pub format: Format,
@@ -32,6 +33,18 @@ pub struct ImageContent {
     /// Whether only its size is given, so that a host leaves the texels undefined. Here they are
     /// zeros.
     pub unfilled: bool,
+}
+
+/// Format and shape; of the texels the number of bytes.
+impl fmt::Debug for ImageContent {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("ImageContent")
+            .field("format", &self.format.name())
+            .field("shape", &self.shape)
+            .field("bytes", &self.texels.len())
+            .field("unfilled", &self.unfilled)
+            .finish()
+    }
 }
 
 impl ImageContent {

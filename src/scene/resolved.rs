@@ -1,6 +1,7 @@
 //! A resolved scene: plain descriptions with all files loaded.
 
 use std::collections::HashMap;
+use std::fmt;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -21,7 +22,7 @@ use crate::scene::specialization::{SpecializationKey, SpecializationValue};
 use crate::sorted::SortedSet;
 
 /// A scene with all files loaded.
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub struct ResolvedScene {
     /// The path of the scene's own file.
     pub path: PathBuf,
@@ -70,6 +71,24 @@ pub struct ResolvedScene {
     pub files: SceneFiles,
 }
 
+/// The path, the launch, and the names of what the scene has.
+impl fmt::Debug for ResolvedScene {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        const SHOWN: usize = 64;
+        let resources = self.resources.iter().map(|one| &one.name).take(SHOWN);
+        let structures = self.tlas.iter().map(|(name, tlas)| (name, tlas.instances().len()));
+        f.debug_struct("ResolvedScene")
+            .field("path", &self.path)
+            .field("launch", &self.launch)
+            .field("instances", &structures.take(SHOWN).collect::<Vec<_>>())
+            .field("shaders", &self.shaders.iter().map(|one| &one.name).take(SHOWN).collect::<Vec<_>>())
+            .field("resources", &resources.collect::<Vec<_>>())
+            .field("passes", &self.passes.len())
+            .field("dispatches", &self.dispatches.len())
+            .finish_non_exhaustive()
+    }
+}
+
 /// A pipeline of the scene. What `[pipeline]` says of fuel, limits and subgroups holds for
 /// dispatches, too.
 #[derive(Clone, Debug, Default)]
@@ -111,12 +130,22 @@ pub struct ShaderModule {
 }
 
 /// The content of a [`ShaderModule`].
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, PartialEq, Eq)]
 pub enum ShaderCode {
     /// The bytes of a SPIR-V module.
     SpirV(Vec<u8>),
     /// Source text that must be compiled first, and how.
     Source(Vec<u8>, SourceSettings),
+}
+
+/// The language's way and the number of bytes.
+impl fmt::Debug for ShaderCode {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::SpirV(bytes) => write!(f, "SpirV({} bytes)", bytes.len()),
+            Self::Source(bytes, settings) => write!(f, "Source({} bytes, {settings:?})", bytes.len()),
+        }
+    }
 }
 
 /// One entry point with its specialization.

@@ -1,15 +1,25 @@
 //! Sets up the invocation of a shader under test: builtins, payload, attributes, resources.
 
+use rspirv::spirv::Decoration;
+
 use crate::error::Result;
 use crate::harness::bound::blocks;
 use crate::harness::fit::check_block;
 use crate::harness::layout::{Layout, Rules};
 use crate::harness::shader_test::{ShaderTest, invalid};
 use crate::machine::{Batch, Buffer, Invocation, ShaderRecord};
+use crate::ops::builtin::BUILTINS;
 use crate::ops::pointer::storage;
 
 impl ShaderTest {
     pub(super) fn invocation(&self) -> Result<(Invocation, Option<[u32; 2]>)> {
+        let [[x, y, z], [width, height, depth]] = self.launch;
+        if x >= width || y >= height || z >= depth {
+            let message = format!("the launch id ({x}, {y}, {z}) is outside of {width} x {height} x {depth}");
+            let how = "call `.launch(id, size)` with an id below the size, or set an inconsistent \
+                       `LaunchIdKHR` by `.builtin`";
+            return Err(invalid(message).note(how));
+        }
         let mut invocation = Invocation {
             launch_id: self.launch[0],
             launch_size: self.launch[1],
@@ -44,6 +54,32 @@ impl ShaderTest {
         }
         let data = Buffer::new(&given.bytes);
         Ok(Some(ShaderRecord { offset: 0, size: data.size(), data }))
+    }
+
+    /// Checks that the shader reads every builtin that the test sets by name.
+    pub(super) fn check_builtins(&self) -> Result<()> {
+        let module = &self.program.module;
+        let entry = module.entry_points.iter().find(|entry| {
+            entry.stage == self.program.stage && entry.name == self.program.name
+        });
+        let variables = entry.map_or_else(Vec::new, |entry| module.interface_of(entry));
+        let mut read: Vec<&str> = self.program.inputs.iter().map(|input| input.builtin.name).collect();
+        for variable in variables {
+            let number = module.decorations.literal(variable.id, Decoration::BuiltIn as u32);
+            let known = number.and_then(|number| BUILTINS.iter().find(|known| known.number == number));
+            if let Some(builtin) = known.filter(|builtin| !read.contains(&builtin.name)) {
+                read.push(builtin.name);
+            }
+        }
+        let Some((unread, _)) = self.builtins.iter().find(|(set, _)| !read.contains(&set.name)) else {
+            return Ok(());
+        };
+        let (stage, name) = (self.program.stage.name(), &self.program.name);
+        let error = invalid(format!("{stage} `{name}` does not read {}, which the test sets", unread.name));
+        Err(error.note(match read.is_empty() {
+            true => "it reads no builtin: leave out `.builtin`".to_owned(),
+            false => format!("it reads {}", read.join(", ")),
+        }))
     }
 
     pub(super) fn override_builtins(&self, batch: &mut Batch<1>) {

@@ -85,6 +85,10 @@ impl ShaderTest {
         if let Some(error) = self.trap(&running.batch) {
             return Err(error);
         }
+        let RunningTest { traces, executes, calls, .. } = &running;
+        self.traces.as_ref().map_or(Ok(()), |answers| answers.check_taken(traces.len()))?;
+        self.executes.as_ref().map_or(Ok(()), |answers| answers.check_taken(executes.len()))?;
+        self.calls.as_ref().map_or(Ok(()), |answers| answers.check_taken(calls.len()))?;
         Ok(self.outcome(running, resources))
     }
 
@@ -93,6 +97,7 @@ impl ShaderTest {
         if let Some(mistake) = &self.mistake {
             return Err(mistake.clone());
         }
+        self.check_builtins()?;
         self.given.check(&self.program)?;
         let mut resources = memory::copied(&self.given.resources);
         if let Some(record) = &self.object_record {

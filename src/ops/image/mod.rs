@@ -117,6 +117,17 @@ impl ImageOp {
         }
     }
 
+    /// The view through which it reads or writes texels, with the class that its operands
+    /// (`SignExtend`, `ZeroExtend`) give the texels; `None` for an operation without texels.
+    pub fn accessed_view(&self) -> Option<View> {
+        match self {
+            Self::Sample(op) => Some(op.operands.view(op.view)),
+            Self::Read(op) => Some(op.texel.view),
+            Self::Write(op) => Some(View { class: op.class, ..op.texel.view }),
+            Self::Query(_) | Self::Footprint(_) | Self::Process(_) => None,
+        }
+    }
+
     /// Runs the operation for the running lanes, one after the other in their order; a lane that
     /// fails traps.
     pub fn eval<const W: usize>(&self, batch: &mut Batch<W>, bindings: &Bindings) {

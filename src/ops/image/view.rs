@@ -4,7 +4,8 @@ use crate::error::Result;
 use crate::machine::format::{Class, Format};
 use crate::machine::image::{Dimension, Image};
 use crate::machine::{AccessFault, Bindings, Descriptor, TrapCode};
-use crate::module::ty::ImageType;
+use crate::module::Module;
+use crate::module::ty::{ImageType, Type};
 use crate::ops::memory::OUT_OF_BOUNDS;
 
 /// The image type (`OpTypeImage`) that a shader declares, as far as operations need it.
@@ -23,6 +24,23 @@ pub struct View {
 }
 
 impl View {
+    /// The view that an image type declares; `None` for one that no operation supports.
+    pub fn of(module: &Module, image: &ImageType) -> Option<Self> {
+        let (class, width) = match *module.ty(image.sampled_type) {
+            Type::Float { width, .. } => (Class::Float, width),
+            Type::Int { width, signed: true } => (Class::Sint, width),
+            Type::Int { width, signed: false } => (Class::Uint, width),
+            _ => return None,
+        };
+        Some(Self {
+            dimension: dimension(image)?,
+            multisampled: image.multisampled,
+            class,
+            wide: width == 64,
+            format: Format::declared(image.format),
+        })
+    }
+
     /// The image with a handle.
     ///
     /// The image's own format is used, whatever `Image Format` says, as long as both are floats or
