@@ -13,7 +13,7 @@ use crate::harness::memory;
 use crate::harness::scene::Scene;
 use crate::harness::side_by_side::SideBySide;
 use crate::machine::printed::PrintedLine;
-use crate::machine::{Descriptor, ShaderIndex};
+use crate::machine::{Descriptor, LaunchLimits, ShaderIndex};
 use crate::module::Module;
 use crate::module::interface::Stage;
 use crate::pipeline::{Compute, Stats};
@@ -74,7 +74,8 @@ impl ComputeTest {
     /// # Errors
     /// As [`Compute::new`].
     pub fn of(program: impl Into<Arc<Program>>) -> Result<Self> {
-        Ok(Self { compute: Compute::new(program)?, groups: [1; 3], given: Given::default() })
+        let compute = Compute::new(program)?.launch_limits(LaunchLimits::UNIT_TESTS);
+        Ok(Self { compute, groups: [1; 3], given: Given::default() })
     }
 
     /// Sets the number of workgroups along x, y and z; one unless set.
@@ -93,6 +94,27 @@ impl ComputeTest {
     #[must_use]
     pub fn fuel(self, instructions: u64) -> Self {
         Self { compute: self.compute.fuel(instructions), ..self }
+    }
+
+    /// Sets the limits of the dispatch; unless set, it is stopped after 60 seconds, and workgroups
+    /// that run together after 8, as by `anyhit test`. Limits without a time leave
+    /// [`ComputeTest::fuel`] alone to end an endless loop.
+    ///
+    /// ```
+    /// use std::time::Duration;
+    ///
+    /// use anyhit::{ComputeTest, LaunchLimits, Module};
+    ///
+    /// # fn main() -> anyhit::Result<()> {
+    /// # let module = Module::open("spirv-fixtures/pass/compute/prefix-sum/main.comp.spv")?;
+    /// let limits = LaunchLimits::default().timeout(Duration::from_secs(300));
+    /// let test = ComputeTest::new(&module, "main")?.launch_limits(limits);
+    /// # Ok(())
+    /// # }
+    /// ```
+    #[must_use]
+    pub fn launch_limits(self, limits: LaunchLimits) -> Self {
+        Self { compute: self.compute.launch_limits(limits), ..self }
     }
 
     /// Sets `SubgroupSize`: a power of two from 1 to 128.

@@ -216,6 +216,9 @@ impl Pipeline {
     /// # }
     /// ```
     ///
+    /// All threads of rayon's pool run it. In a process that was forked after a launch, which has
+    /// none of them, the calling thread does; the results are the same.
+    ///
     /// # Errors
     /// `Trap`, that of the lowest launch index, where a shader misbehaves; `InvalidScene` without a
     /// ray generation shader; `InvalidArgument` for a grid without or with too many invocations,

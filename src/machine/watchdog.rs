@@ -100,6 +100,9 @@ impl LaunchLimits {
         timeout: Some(Duration::from_secs(60)),
         batch_timeout: Some(Duration::from_secs(8)),
     };
+    /// What [`ShaderTest`](crate::ShaderTest) and [`ComputeTest`](crate::ComputeTest) set: the
+    /// times of [`LaunchLimits::TESTS`].
+    pub const UNIT_TESTS: Self = Self { fuel: None, ..Self::TESTS };
     /// What `anyhit smoke` sets, which runs a shader many times: 30 seconds for a launch and 4 for
     /// a batch.
     pub const SMOKE: Self = Self {

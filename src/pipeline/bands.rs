@@ -21,6 +21,7 @@ use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::pipeline::launch::Launch;
 use crate::pipeline::order;
 use crate::pipeline::stats::Stats;
+use crate::pipeline::threads::has_threads;
 use crate::program::Program;
 use crate::program::race_analysis::{LaunchExtent, OwnRow};
 
@@ -273,7 +274,8 @@ impl BandedLaunch<'_> {
             };
             let (emitted, outcome) = match rendered.take() {
                 None => (Ok(()), run()),
-                Some(before) => rayon::join(|| sink(Band { image: &before }), run),
+                Some(before) if has_threads() => rayon::join(|| sink(Band { image: &before }), run),
+                Some(before) => (sink(Band { image: &before }), run()),
             };
             emitted?;
             match outcome {

@@ -5,6 +5,7 @@ use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use rayon::prelude::*;
 
 use crate::pipeline::stats::Stats;
+use crate::pipeline::threads::has_threads;
 use crate::pipeline::trapped::Trapped;
 
 /// A queue of numbered tasks. Each idle thread takes the next one, so that threads end at about the
@@ -70,7 +71,7 @@ impl TaskQueue {
         worker: &(dyn Fn() -> TaskResults + Sync),
     ) -> Result<Stats, Box<Trapped>> {
         // A single task runs here: starting threads would take longer.
-        let results = match single_threaded || self.count <= 1 {
+        let results = match single_threaded || self.count <= 1 || !has_threads() {
             true => worker(),
             false => self.on_threads(worker).into_iter().fold(TaskResults::default(), TaskResults::merge),
         };

@@ -24,7 +24,7 @@ use crate::harness::mock::{Answer, CallableCall, ExecuteCall, TraceCall, in_turn
 use crate::harness::scalars::{NestedScalars, Scalars, builtin_words};
 use crate::harness::shader_outcome::ReportedHit;
 use crate::harness::struct_data::StructData;
-use crate::machine::{Batch, Buffer};
+use crate::machine::{Batch, Buffer, LaunchLimits};
 use crate::module::Module;
 use crate::module::interface::Stage;
 use crate::ops::builtin::Builtin;
@@ -67,6 +67,7 @@ pub struct ShaderTest {
     calls: Option<Answer<CallableCall>>,
     reports: Option<Answer<ReportedHit>>,
     fuel: u64,
+    launch_limits: LaunchLimits,
     /// The first mistake, which [`ShaderTest::run`] returns.
     mistake: Option<Error>,
 }
@@ -133,6 +134,7 @@ impl ShaderTest {
             calls: None,
             reports: None,
             fuel: DEFAULT_FUEL,
+            launch_limits: LaunchLimits::UNIT_TESTS,
             mistake: None,
         })
     }
@@ -293,6 +295,26 @@ impl ShaderTest {
     #[must_use]
     pub fn fuel(self, instructions: u64) -> Self {
         Self { fuel: instructions, ..self }
+    }
+
+    /// Sets the limits of the run; unless set, the shader is stopped after 8 seconds, as by
+    /// `anyhit test`. Limits without a time leave [`ShaderTest::fuel`] alone to end an endless loop.
+    ///
+    /// ```
+    /// use std::time::Duration;
+    ///
+    /// use anyhit::{LaunchLimits, Module, ShaderTest};
+    ///
+    /// # fn main() -> anyhit::Result<()> {
+    /// # let module = Module::open("spirv-fixtures/pass/sphere/closest-hit/main.rchit.spv")?;
+    /// let limits = LaunchLimits::default().timeout(Duration::from_secs(300));
+    /// let test = ShaderTest::new(&module, "main")?.launch_limits(limits);
+    /// # Ok(())
+    /// # }
+    /// ```
+    #[must_use]
+    pub fn launch_limits(self, limits: LaunchLimits) -> Self {
+        Self { launch_limits: limits, ..self }
     }
 
     /// The old name of [`ShaderTest::fuel`].

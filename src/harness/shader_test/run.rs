@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use crate::accel::HitPrimitive;
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, Trap};
 use crate::harness::bound::Bound;
 use crate::harness::data::TypedBytes;
 use crate::harness::explain::{Explanation, What};
@@ -14,7 +14,7 @@ use crate::harness::shader_test::{RunningTest, ShaderTest};
 use crate::harness::value::Value;
 use crate::interp;
 use crate::machine::stop::Stop;
-use crate::machine::{Batch, Exit, Mask, Observer, Reg, Resources, ShaderIndex};
+use crate::machine::{Batch, Exit, Mask, Observer, Reg, Resources, ShaderIndex, Watchdog};
 use crate::module::interface::Stage;
 use crate::ops::pointer::storage;
 use crate::ops::translate::InterfaceRegisters;
@@ -69,6 +69,10 @@ impl ShaderTest {
         let program = &*self.program;
         let bindings = resources.bindings(program.bindings());
         let mut running = self.begin(observer)?;
+        let watch = Watchdog::new(self.launch_limits, 1).watch();
+        watch.begin_task(1);
+        watch.begin_batch();
+        running.batch.watch = Some(watch.clone());
         loop {
             if O::is_active() {
                 observer.resumed(ShaderIndex(0), &mut running.batch);
@@ -84,6 +88,12 @@ impl ShaderTest {
         }
         if let Some(error) = self.trap(&running.batch) {
             return Err(error);
+        }
+        // What a shader without a loop spends is known at its end.
+        watch.charge(running.batch.take_charged());
+        if let Some(code) = watch.expired() {
+            let error = Error::trapped(Trap::new(code));
+            return Err(with_limit(error, code, self.fuel, Some(watch.watchdog())));
         }
         let RunningTest { traces, executes, calls, .. } = &running;
         self.traces.as_ref().map_or(Ok(()), |answers| answers.check_taken(traces.len()))?;
@@ -137,7 +147,8 @@ impl ShaderTest {
     pub(super) fn trap(&self, batch: &Batch<1>) -> Option<Error> {
         let Exit::Trapped(trap) = batch.exits[0] else { return None };
         let error = trap_error(ShaderIndex(0), &self.program, &[], batch, 0, trap);
-        Some(with_limit(error, trap.code, self.fuel, None))
+        let watchdog = batch.watch.as_ref().map(|watch| &**watch.watchdog());
+        Some(with_limit(error, trap.code, self.fuel, watchdog))
     }
 
     /// What an invocation that has ended without a trap left.
