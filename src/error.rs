@@ -71,6 +71,7 @@ pub enum ErrorKind {
 
 impl ErrorKind {
     /// What is to be done about this class of problem, where the message does not say it.
+    #[must_use]
     pub fn help(self) -> Option<&'static str> {
         Some(match self {
             Self::InvalidModule => "the module is not valid: mend the shader, or its compiler's flags",
@@ -175,6 +176,7 @@ impl Error {
     /// An error of a kind with its one-line message. Characters that would end the line or are
     /// hidden, as names in it may have, become escapes.
     #[cold]
+    #[must_use]
     pub fn new(kind: ErrorKind, message: impl Into<String>) -> Self {
         Self(Box::new(ErrorData {
             kind,
@@ -193,6 +195,7 @@ impl Error {
     /// An error of the operating system about a file, which it keeps as its
     /// [source](std::error::Error::source).
     #[cold]
+    #[must_use]
     pub fn io(path: impl AsRef<Path>, source: io::Error) -> Self {
         Self::new(ErrorKind::Io, format!("{}: {source}", escape::path(&path.as_ref()))).caused_by(source)
     }
@@ -222,6 +225,7 @@ impl Error {
     }
 
     /// How many more mistakes there were that are not among [`Error::others`].
+    #[must_use]
     pub fn not_shown(&self) -> usize {
         self.0.not_shown
     }
@@ -310,11 +314,13 @@ impl Error {
 
     /// The trap: its code, the shader and its line, the launch index, the values that caused it and
     /// the stack of shader calls. `None` for an error of any other kind.
+    #[must_use]
     pub fn trap(&self) -> Option<&Trap> {
         self.0.trap.as_deref()
     }
 
     /// Whose mistake it is.
+    #[must_use]
     pub fn kind(&self) -> ErrorKind {
         self.0.kind
     }
@@ -358,21 +364,25 @@ impl Error {
     }
 
     /// The one-line message, without places and notes.
+    #[must_use]
     pub fn message(&self) -> &str {
         &self.0.message
     }
 
     /// The places, most important first, each with its label.
+    #[must_use]
     pub fn places(&self) -> impl Iterator<Item = (&Place, &str)> {
         self.0.places.iter().map(|(place, label)| (place, label.as_str()))
     }
 
     /// The notes in order.
+    #[must_use]
     pub fn notes(&self) -> &[String] {
         &self.0.notes
     }
 
     /// Further errors that were found in the same run.
+    #[must_use]
     pub fn others(&self) -> &[Error] {
         &self.0.others
     }
@@ -385,6 +395,7 @@ impl Error {
     /// let error = Error::new(ErrorKind::InvalidArgument, "`--pixel 9` is not X,Y");
     /// assert!(error.render().starts_with("error: `--pixel 9` is not X,Y"));
     /// ```
+    #[must_use]
     pub fn render(&self) -> String {
         let mut writer = termcolor::NoColor::new(Vec::new());
         self.render_to(&mut writer);
@@ -393,6 +404,7 @@ impl Error {
     }
 
     /// The whole report with the escape sequences of ANSI terminals for colour.
+    #[must_use]
     pub fn render_coloured(&self) -> String {
         let mut writer = termcolor::Ansi::new(Vec::new());
         self.render_to(&mut writer);

@@ -176,3 +176,4 @@ pub use harness::smoke::{SmokeOptions, SmokeReport};
 pub use error::{
     DescriptorElement, Error, ErrorKind, Place, Result, ShaderFrame, Trap, TrapCode, TrapOperands, Warning,
 };
+pub use sanitize::WarningReports;

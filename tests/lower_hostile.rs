@@ -124,7 +124,7 @@ fn what_control_never_comes_to_needs_no_value() {
         OpFunctionEnd",
     );
     let module = Arc::new(module::load(&bytes).expect("a valid module"));
-    lower(&module, &module.entry_points[0]).expect("a valid module");
+    let _ = lower(&module, &module.entry_points[0]).expect("a valid module");
     let reached: Vec<bool> = (0..5).map(|block| module.reaches(0, block)).collect();
     assert_eq!(reached, [true, true, false, true, false]);
 }

@@ -78,6 +78,7 @@ mod real_calls;
 mod result_types;
 mod rewriting;
 mod robustness;
+mod rust_interface;
 mod sanitized_modules;
 mod sanitized_outputs;
 #[cfg(feature = "glsl")]

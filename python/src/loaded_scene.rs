@@ -46,7 +46,7 @@ impl LoadedScene {
     }
 }
 
-fn texts(errors: Vec<Error>) -> Vec<String> {
+fn texts(errors: anyhit::WarningReports) -> Vec<String> {
     errors.iter().map(Error::render).collect()
 }
 

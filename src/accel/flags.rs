@@ -12,6 +12,7 @@ impl GeometryFlags {
     pub const NO_DUPLICATE_ANY_HIT: Self = Self(2);
 
     /// Whether all of the given bits are set.
+    #[must_use]
     pub fn contains(self, bits: Self) -> bool {
         self.0 & bits.0 == bits.0
     }
@@ -36,6 +37,7 @@ impl InstanceFlags {
     pub const DISABLE_OPACITY_MICROMAPS: Self = Self(32);
 
     /// Whether all of the given bits are set.
+    #[must_use]
     pub fn contains(self, bits: Self) -> bool {
         self.0 & bits.0 == bits.0
     }
@@ -84,6 +86,7 @@ impl RayFlags {
 
     /// Whether all of the given bits are set.
     #[inline]
+    #[must_use]
     pub fn contains(self, bits: Self) -> bool {
         self.0 & bits.0 == bits.0
     }

@@ -32,6 +32,7 @@ pub type Matrix = [[f32; 4]; 3];
 
 /// How an instance moves while time goes from 0 to 1.
 #[derive(Clone, Debug, PartialEq)]
+#[must_use]
 pub enum Motion {
     /// `VkAccelerationStructureMatrixMotionInstanceNV`: its transform at time 0 and at time 1.
     Matrix([Matrix; 2]),
@@ -43,6 +44,7 @@ pub enum Motion {
 impl Motion {
     /// Object to world at a time. `None` outside of 0 to 1, and where the interpolated quaternion
     /// is 0.
+    #[must_use]
     pub fn at(&self, time: f32) -> Option<Matrix> {
         if !(0.0..=1.0).contains(&time) {
             return None;
@@ -56,6 +58,7 @@ impl Motion {
     }
 
     /// Whether all numbers are finite.
+    #[must_use]
     pub fn is_finite(&self) -> bool {
         let finite = |numbers: &[f32]| numbers.iter().all(|x| x.is_finite());
         match self {
@@ -68,6 +71,7 @@ impl Motion {
 /// A transform decomposed into scale, shear and pivot, then a rotation, then a translation
 /// (`VkSRTDataNV`).
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[must_use]
 pub struct Srt {
     /// `sx`, `sy`, `sz`
     pub scale: [f32; 3],
@@ -96,6 +100,7 @@ impl Default for Srt {
 
 impl Srt {
     /// Its numbers in the order of `VkSRTDataNV`.
+    #[must_use]
     pub fn numbers(&self) -> [f32; 16] {
         let ([sx, sy, sz], [a, b, c]) = (self.scale, self.shear);
         let ([pvx, pvy, pvz], [qx, qy, qz, qw]) = (self.pivot, self.quaternion);

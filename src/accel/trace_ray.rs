@@ -5,6 +5,7 @@ use crate::geometry::Ray;
 
 /// The operands of a trace or ray query that traversal needs.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[must_use]
 pub struct TraceRay {
     /// The ray in world space, with its interval.
     pub ray: Ray,

@@ -74,6 +74,7 @@ pub enum Language {
 
 impl Language {
     /// The language of a file name, by its extension; `None` for headers and everything else.
+    #[must_use]
     pub fn of(path: &Path) -> Option<Self> {
         let stage = |name: &str| {
             STAGE_NAMES.into_iter().map(|(_, stage)| stage).find(|&stage| extension(stage) == Some(name))

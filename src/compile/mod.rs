@@ -69,6 +69,7 @@ use crate::module::interface::Stage;
 /// ```
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
+#[must_use]
 pub struct CompileOptions {
     /// The debug information about its source that a module holds.
     pub debug: DebugInfoLevel,

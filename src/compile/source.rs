@@ -17,6 +17,7 @@ use crate::sorted::SortedMap;
 
 /// A shader's source text and where it came from.
 #[derive(Clone, PartialEq, Eq)]
+#[must_use]
 pub struct Source {
     folder: PathBuf,
     name: String,
@@ -128,6 +129,7 @@ impl Source {
     /// let source = Source::from_text_as(language, "sky.glsl", "void main() {}");
     /// assert_eq!(source.language(), language);
     /// ```
+    #[must_use]
     pub fn from_text_as(language: Language, name: impl Into<String>, text: impl Into<Arc<str>>) -> Self {
         Self::new(name, text, language)
     }
@@ -141,16 +143,19 @@ impl Source {
     }
 
     /// The name in messages and debug information.
+    #[must_use]
     pub fn name(&self) -> &str {
         &self.name
     }
 
     /// The text.
+    #[must_use]
     pub fn text(&self) -> &Arc<str> {
         &self.text
     }
 
     /// The language, and with GLSL the stage.
+    #[must_use]
     pub fn language(&self) -> Language {
         self.language
     }

@@ -41,6 +41,7 @@ impl Stage {
     }
 
     /// The specification's name of the execution model.
+    #[must_use]
     pub fn name(self) -> &'static str {
         match self {
             Self::RayGeneration => "RayGenerationKHR",

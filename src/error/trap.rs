@@ -63,31 +63,37 @@ impl Trap {
     }
 
     /// The shader that trapped, the innermost of [`Trap::stack`].
+    #[must_use]
     pub fn frame(&self) -> Option<&ShaderFrame> {
         self.stack.first()
     }
 
     /// The stage of the shader that trapped.
+    #[must_use]
     pub fn stage(&self) -> Option<Stage> {
         Some(self.frame()?.stage)
     }
 
     /// The entry point of the shader that trapped.
+    #[must_use]
     pub fn entry_point(&self) -> Option<&str> {
         Some(&self.frame()?.entry_point)
     }
 
     /// The source file of the instruction that trapped, as the debug information names it.
+    #[must_use]
     pub fn file(&self) -> Option<&str> {
         self.frame()?.file.as_deref()
     }
 
     /// The source line of the instruction that trapped, from 1.
+    #[must_use]
     pub fn line(&self) -> Option<u32> {
         self.frame()?.line
     }
 
     /// The column of the instruction that trapped, from 1.
+    #[must_use]
     pub fn column(&self) -> Option<u32> {
         self.frame()?.column
     }

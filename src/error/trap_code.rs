@@ -250,17 +250,20 @@ trap_codes! {
 impl TrapCode {
     /// The code of a name; see [`TrapCode::name`]. `None` where no code that a report may have is
     /// called so.
+    #[must_use]
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.iter().copied().find(|code| code.name() == name)
     }
 
     /// Whether the clock stopped the invocation: where it was then depends on the machine.
+    #[must_use]
     pub fn is_of_clock(self) -> bool {
         matches!(self, Self::LaunchTimedOut | Self::BatchTimedOut)
     }
 
     /// Whether a limit of running stopped the invocation: what others have left behind then depends
     /// on how many of them run side by side.
+    #[must_use]
     pub fn is_limit(self) -> bool {
         self.is_of_clock() || matches!(self, Self::OutOfFuel | Self::LaunchOutOfFuel)
     }

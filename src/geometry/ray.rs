@@ -8,6 +8,7 @@ use crate::math::f32x4::F32x4;
 /// the direction's length.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
+#[must_use]
 pub struct Ray {
     /// Where t is 0.
     pub origin: [f32; 3],
@@ -28,12 +29,14 @@ impl Ray {
     pub const MAX_MAGNITUDE: f32 = (1u64 << 60) as f32;
 
     /// A ray over the whole half-line: `t_min` 0, `t_max` infinity.
+    #[must_use]
     pub fn new(origin: [f32; 3], direction: [f32; 3]) -> Self {
         Self { origin, direction, t_min: 0.0, t_max: f32::INFINITY }
     }
 
     /// Whether origin and direction are finite, and the interval holds no NaN.
     #[inline(always)]
+    #[must_use]
     pub fn is_finite(&self) -> bool {
         // Zero times what is not finite is a NaN, and no sum of zeros is.
         let zero = |v: [f32; 3]| v[0] * 0.0 + v[1] * 0.0 + v[2] * 0.0;
@@ -43,6 +46,7 @@ impl Ray {
     /// Whether each component of origin and direction is 0 or of a magnitude from 2^-60 to 2^60,
     /// the direction is not 0, and the interval holds no NaN.
     #[inline(always)]
+    #[must_use]
     pub fn is_well_scaled(&self) -> bool {
         let zero = F32x4::splat(0.0);
         let [ox, oy, oz] = self.origin;
@@ -63,6 +67,7 @@ impl Ray {
     /// In the object space of an instance its direction is zero as well, and that of no other ray
     /// is, since the transform has an inverse.
     #[inline]
+    #[must_use]
     pub fn goes_nowhere(&self) -> bool {
         let [x, y, z] = self.direction;
         x == 0.0 && y == 0.0 && z == 0.0

@@ -16,6 +16,7 @@ use crate::sorted::{SortedSet, sort};
 
 /// A scene, or one of its variants, that is to meet its expectations.
 #[derive(Clone, Debug, PartialEq, Eq)]
+#[must_use]
 pub struct Case {
     /// The scene file.
     #[doc(hidden)]
@@ -181,6 +182,7 @@ impl Case {
     }
 
     /// The scene's path beneath `root`, and the variant: `shaders/pass/arithmetic/basics (O0)`.
+    #[must_use]
     pub fn name(&self, root: &Path) -> String {
         let folder = self.scene.parent().filter(|_| self.scene.ends_with("scene.toml"));
         let path = folder.map_or_else(|| self.scene.with_extension(""), Path::to_path_buf);

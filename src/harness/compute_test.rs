@@ -19,7 +19,7 @@ use crate::module::interface::Stage;
 use crate::pipeline::{Compute, Stats};
 use crate::program::Program;
 use crate::sanitize::module_checks::check_module;
-use crate::sanitize::{Levels, ProgramPlan, Sanitizer};
+use crate::sanitize::{Levels, ProgramPlan, Sanitizer, WarningReports};
 use crate::sorted::SortedMap;
 
 /// A compute shader with what it has bound, and how many workgroups of it run.
@@ -53,6 +53,7 @@ use crate::sorted::SortedMap;
 /// # }
 /// ```
 #[derive(Clone, Debug)]
+#[must_use]
 pub struct ComputeTest {
     compute: Compute,
     groups: [u32; 3],
@@ -171,7 +172,7 @@ impl ComputeTest {
     ///
     /// # Errors
     /// `Finding` for what it denies, all in one error; else as [`ComputeTest::run`].
-    pub fn sanitize(&self) -> Result<Vec<Error>> {
+    pub fn sanitize(&self) -> Result<WarningReports> {
         let compute = self.compute.for_sanitizer()?;
         self.given.check(&compute.program)?;
         let resources = memory::copied(&self.given.resources);
@@ -210,6 +211,7 @@ gives_resources!(ComputeTest);
 /// What a compute shader left behind.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
+#[must_use]
 pub struct ComputeOutcome {
     /// How many invocations ran and how many ray queries were made.
     pub stats: Stats,

@@ -45,6 +45,7 @@ impl TypedBytes {
     }
 
     /// The value by the names of its members: `data.value()["normal"].vec3()`.
+    #[must_use]
     pub fn value(&self) -> Value {
         self.layout().read(&self.bytes)
     }

@@ -1,7 +1,7 @@
 //! Buffers at device addresses, for shaders that reach them by pointers.
 
-use std::fmt;
 use bytemuck::NoUninit;
+use std::fmt;
 
 use crate::error::{Error, ErrorKind, Result};
 use crate::input::{InputLimit, InputLimits};
@@ -37,6 +37,7 @@ use crate::sorted::SortedMap;
 /// # }
 /// ```
 #[derive(Clone, Default)]
+#[must_use]
 pub struct DeviceBuffers {
     /// Addresses by name.
     memory: DeviceMemory,
@@ -54,6 +55,7 @@ impl fmt::Debug for DeviceBuffers {
 
 impl DeviceBuffers {
     /// No buffers yet.
+    #[must_use]
     pub fn new() -> Self {
         Self::default()
     }

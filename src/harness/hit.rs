@@ -25,6 +25,7 @@ use crate::ops::ray_rules;
 /// let hit = Hit::of(instance).ray(Ray::new([0.0, 0.5, 4.0], [0.0, 0.0, -1.0]));
 /// ```
 #[derive(Clone, Debug)]
+#[must_use]
 pub struct Hit {
     instance: Instance,
     ray: Option<Ray>,
@@ -43,27 +44,32 @@ pub(super) struct Resolved {
 
 impl Hit {
     /// A hit of a linear swept sphere with both end caps: centres and radii of its ends.
+    #[must_use]
     pub fn lss(positions: [[f32; 3]; 2], radii: [f32; 2]) -> Self {
         Self::of(Instance::lss(positions, radii))
     }
 
     /// A hit of a sphere.
+    #[must_use]
     pub fn sphere(position: [f32; 3], radius: f32) -> Self {
         Self::of(Instance::sphere(position, radius))
     }
 
     /// A hit of a triangle.
+    #[must_use]
     pub fn triangle(vertices: [[f32; 3]; 3]) -> Self {
         Self::of(Instance::triangle(vertices))
     }
 
     /// A box for an intersection shader: minimum and maximum.
+    #[must_use]
     pub fn aabb(minimum: [f32; 3], maximum: [f32; 3]) -> Self {
         Self::of(Instance::aabb(minimum, maximum))
     }
 
     /// A hit of an instance, with its transform, index, flags and however many geometries: of what
     /// the ray meets first.
+    #[must_use]
     pub fn of(instance: impl Into<Instance>) -> Self {
         Self { instance: instance.into(), ray: None, ray_flags: RayFlags(0), cull_mask: 0xFF, time: 0.0 }
     }
@@ -108,7 +114,8 @@ impl Hit {
         let tlas = Tlas::new(vec![self.instance.make()?])?;
         let trace = TraceRay { ray, flags: self.ray_flags, cull_mask: self.cull_mask, time: self.time };
         trace.flags.check_known().map_err(|message| {
-            wrong(message).note("combine the constants of `RayFlags`: `RayFlags::OPAQUE | RayFlags::SKIP_AABBS`")
+            wrong(message)
+                .note("combine the constants of `RayFlags`: `RayFlags::OPAQUE | RayFlags::SKIP_AABBS`")
         })?;
         trace.check().map_err(|rule| {
             wrong(format!("a ray that cannot be traced: {}", ray_rules::describe_of_trace(rule)))

@@ -1,9 +1,9 @@
 //! Checks the formats of bound images against the image types that shaders declare.
 
 use crate::error::{Error, ErrorKind, Result};
-use crate::machine::format::{Component, Format};
+use crate::machine::format::{Class, Component, Format};
 use crate::machine::image::Image;
-use crate::machine::{Binding, Descriptor, Resources};
+use crate::machine::{Binding, Bindings, Descriptor, Reg, Resources};
 use crate::ops::image::declared::declared_format;
 use crate::ops::image::view::View;
 use crate::ops::op::Op;
@@ -53,16 +53,7 @@ fn mistake(program: &Program, slot: &Slot, element: usize, format: Format) -> Op
     let ty = image_of_slot(program, slot)?;
     let view = View::of(&program.module, &ty)?;
     let [declared, bound] = view.contradiction(format)?;
-    // `SignExtend` and `ZeroExtend` read and write integers of the other sign.
-    let extends = program.ops.iter().any(|op| match op {
-        Op::Image(op) => op.accessed_view().is_some_and(|other| {
-            other.dimension == view.dimension
-                && other.class != view.class
-                && other.contradiction(format).is_none()
-        }),
-        _ => false,
-    });
-    if extends {
+    if extends(program, slot, view, format) {
         return None;
     }
     let Binding { set, binding } = slot.binding;
@@ -80,6 +71,29 @@ fn mistake(program: &Program, slot: &Slot, element: usize, format: Format) -> Op
         None => format!("create the image with a format of {declared}, such as `{write}`"),
     };
     Some(Error::new(ErrorKind::InvalidArgument, message).note(how))
+}
+
+/// Returns whether an operation reads or writes the image as integers of the other sign
+/// (`SignExtend`, `ZeroExtend`), and so as those of a format.
+fn extends(program: &Program, slot: &Slot, view: View, format: Format) -> bool {
+    if view.class == Class::Float || format.class() == Class::Float {
+        return false;
+    }
+    let number = program.slots.iter().position(|one| std::ptr::eq(one, slot));
+    // A handle that is no constant is that of an array's element, of any slot.
+    let is_of_slot = |handle: Reg| {
+        let constant = program.constants.iter().find(|(register, _)| *register == handle);
+        constant.is_none_or(|(_, handle)| Bindings::slot_of(*handle).map(|(slot, _)| slot) == number)
+    };
+    program.ops.iter().any(|op| match op {
+        Op::Image(op) => op.accessed_view().is_some_and(|(handle, other)| {
+            other.dimension == view.dimension
+                && other.class != view.class
+                && other.contradiction(format).is_none()
+                && is_of_slot(handle)
+        }),
+        _ => false,
+    })
 }
 
 /// A format as Rust code writes it.

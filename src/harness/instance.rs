@@ -20,6 +20,7 @@ const IDENTITY: [[f32; 4]; 3] = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.
 ///     .custom_index(7);
 /// ```
 #[derive(Clone, Debug)]
+#[must_use]
 pub struct Instance {
     geometries: Vec<Geometry>,
     transform: [[f32; 4]; 3],
@@ -32,38 +33,45 @@ pub struct Instance {
 
 impl Instance {
     /// One triangle.
+    #[must_use]
     pub fn triangle(vertices: [[f32; 3]; 3]) -> Self {
         Self::triangles(vertices)
     }
 
     /// Triangles, three vertices each.
+    #[must_use]
     pub fn triangles(vertices: impl Into<Vec<[f32; 3]>>) -> Self {
         Self::of(GeometryData::Triangles { vertices: vertices.into(), indices: None, transform: None })
     }
 
     /// One box for an intersection shader: minimum and maximum.
+    #[must_use]
     pub fn aabb(minimum: [f32; 3], maximum: [f32; 3]) -> Self {
         Self::aabbs([[minimum, maximum]])
     }
 
     /// Boxes for an intersection shader: minimum and maximum each.
+    #[must_use]
     pub fn aabbs(boxes: impl IntoIterator<Item = [[f32; 3]; 2]>) -> Self {
         let flat = |[[a, b, c], [d, e, f]]: [[f32; 3]; 2]| [a, b, c, d, e, f];
         Self::of(GeometryData::Aabbs(boxes.into_iter().map(flat).collect()))
     }
 
     /// One sphere.
+    #[must_use]
     pub fn sphere(position: [f32; 3], radius: f32) -> Self {
         Self::spheres([(position, radius)])
     }
 
     /// Spheres: centre and radius each.
+    #[must_use]
     pub fn spheres(spheres: impl IntoIterator<Item = ([f32; 3], f32)>) -> Self {
         let (positions, radii) = spheres.into_iter().unzip();
         Self::of(GeometryData::Spheres { positions, radii, indices: None })
     }
 
     /// One linear swept sphere with both end caps: centres and radii of its ends.
+    #[must_use]
     pub fn lss(positions: [[f32; 3]; 2], radii: [f32; 2]) -> Self {
         Self::of(GeometryData::LinearSweptSpheres {
             positions: positions.to_vec(),
@@ -76,6 +84,7 @@ impl Instance {
 
     /// A chain of linear swept spheres through these centres and radii; each segment but the first
     /// has its trailing end cap only.
+    #[must_use]
     pub fn chain(vertices: impl IntoIterator<Item = ([f32; 3], f32)>) -> Self {
         let (positions, radii): (Vec<_>, Vec<_>) = vertices.into_iter().unzip();
         let indices = Some((0..positions.len().saturating_sub(1) as u32).collect());
@@ -89,6 +98,7 @@ impl Instance {
     }
 
     /// Any geometry.
+    #[must_use]
     pub fn of(data: GeometryData) -> Self {
         Self {
             geometries: vec![Geometry::new(data, GeometryFlags::default())],
@@ -199,8 +209,9 @@ impl Instance {
     pub(super) fn make(self) -> Result<accel::TlasInstance> {
         if self.motion.is_some() && self.transform != IDENTITY {
             let message = "an instance with a motion has a transform, too, which would be ignored";
-            return Err(Error::new(ErrorKind::InvalidScene, message)
-                .note("leave out `.transform` and `.translate`: the two keys of `Motion` place the instance"));
+            return Err(Error::new(ErrorKind::InvalidScene, message).note(
+                "leave out `.transform` and `.translate`: the two keys of `Motion` place the instance",
+            ));
         }
         Ok(accel::TlasInstance {
             blas: Blas::new(self.geometries)?,

@@ -33,6 +33,7 @@ use crate::module::ty::TypeId;
 use crate::ops::pointer::storage;
 use crate::pipeline::{Pipeline, Stats};
 use crate::program::Program;
+use crate::sanitize::WarningReports;
 use crate::scene::addresses::Addresses;
 use crate::scene::assemble::read;
 use crate::scene::resolved::{ResolvedGroup, ResolvedRecord, ShaderCode};
@@ -55,6 +56,7 @@ use crate::scene::{Assembled, LoadOptions, ResolvedScene, SceneFiles, assemble, 
 /// # }
 /// ```
 #[derive(Clone, Debug)]
+#[must_use]
 pub struct LoadedScene {
     source: Source,
     options: LoadOptions,
@@ -416,7 +418,7 @@ impl LoadedScene {
     ///
     /// # Errors
     /// `Finding` for what it denies, all in one error; else as [`LoadedScene::launch`].
-    pub fn sanitize(&self) -> Result<Vec<Error>> {
+    pub fn sanitize(&self) -> Result<WarningReports> {
         let assembled = self.assembled()?;
         let resources = fresh_resources(&assembled.resources);
         let run = run_sanitized(&self.scene, &assembled, &resources, &scene_levels(&self.scene.document)?)?;
@@ -440,9 +442,9 @@ impl LoadedScene {
     /// ```
     ///
     /// # Errors
-    /// `Finding` for the differences that are denied, all in one error; else as
-    /// [`LoadedScene::launch`].
-    pub fn many_seeds(&self, seeds: u64) -> Result<Vec<Error>> {
+    /// `Finding` for the differences that are denied, all in one error; `InvalidArgument` for no
+    /// seed; else as [`LoadedScene::launch`].
+    pub fn many_seeds(&self, seeds: u64) -> Result<WarningReports> {
         let assembled = self.assembled()?;
         let drawn = ManySeeds {
             seeds: 0..seeds,
@@ -692,6 +694,7 @@ fn record<'s>(scene: &'s mut ResolvedScene, wanted: &str) -> Result<&'s mut Reso
 /// What the passes of a scene, or one of them, left behind.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
+#[must_use]
 pub struct SceneOutcome {
     /// The pass after which this is, by its name or number; `None` after all of them.
     pub pass: Option<String>,

@@ -36,6 +36,7 @@ pub use crate::harness::instance::Instance;
 /// # }
 /// ```
 #[derive(Clone, Debug)]
+#[must_use]
 pub struct Scene {
     tlas: Arc<Tlas>,
     pub(super) given: Given,
@@ -138,6 +139,7 @@ gives_resources!(Scene);
 impl DeviceBuffers {
     /// Gives an address to the acceleration structure of a scene, for
     /// `OpConvertUToAccelerationStructureKHR`; the one that it has, where it has one.
+    #[must_use]
     pub fn structure(&mut self, scene: &Scene) -> u64 {
         self.memory_mut().add_structure(scene.tlas())
     }

@@ -33,6 +33,7 @@ pub struct ReportedHit {
 /// What one invocation left.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
+#[must_use]
 pub struct ShaderOutcome {
     /// How it ended: returned, ignored the intersection, terminated the ray.
     pub exit: Exit,
@@ -73,11 +74,13 @@ impl ShaderOutcome {
     /// The exact unit normal in world space of the triangle, sphere or linear swept sphere that the
     /// [`Hit`](crate::Hit) is of, towards the ray's origin; each component is correctly rounded.
     /// `None` for a box, and for a shader without a hit.
+    #[must_use]
     pub fn exact_normal(&self) -> Option<[f32; 3]> {
         self.surface_normal().map(|normal| normal.world)
     }
 
     /// As [`Self::exact_normal`], in the object space of the instance.
+    #[must_use]
     pub fn exact_object_normal(&self) -> Option<[f32; 3]> {
         self.surface_normal().map(|normal| normal.object)
     }

@@ -59,6 +59,7 @@ use crate::program::struct_lookup::{DataBlock, StructTable, find, find_block, la
 /// # }
 /// ```
 #[derive(Clone)]
+#[must_use]
 pub struct StructData {
     module: Arc<Module>,
     ty: TypeId,
@@ -197,17 +198,20 @@ impl StructData {
     }
 
     /// The bytes, little-endian; padding is zero.
+    #[must_use]
     pub fn bytes(&self) -> &[u8] {
         &self.bytes
     }
 
     /// The value by the names of its members: `data.value()["sun"]["power"].f32()`.
+    #[must_use]
     pub fn value(&self) -> Value {
         self.layout().read(&self.bytes)
     }
 
     /// Offset, size, stride, type and name of each member as text, as `anyhit inspect --layout`
     /// prints it.
+    #[must_use]
     pub fn describe(&self) -> String {
         StructTable::of(self.layout()).text()
     }

@@ -11,6 +11,7 @@ use crate::machine::image::{Image, Position};
 /// [`Texels::at`] gives numbers of any format. The integers of 64-bit formats need not fit into
 /// them: [`Texels::at_u64`] and [`Texels::at_i64`] are exact for every integer format.
 #[derive(Clone)]
+#[must_use]
 pub struct Texels {
     image: Arc<Image>,
 }

@@ -90,6 +90,7 @@ impl RayOperands {
 /// The closest hit of a ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
+#[must_use]
 pub struct HitRecord {
     /// `InstanceId`
     pub instance: u32,
@@ -129,6 +130,7 @@ impl HitRecord {
 /// What one ray brought back.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
+#[must_use]
 pub struct Traced {
     /// The closest hit as the traversal keeps it; `None` for a miss. See [`Traced::hit`].
     #[doc(hidden)]
@@ -158,6 +160,7 @@ impl Traced {
     }
 
     /// Whether the ray hit nothing.
+    #[must_use]
     pub fn missed(&self) -> bool {
         self.committed.is_none()
     }
@@ -167,6 +170,7 @@ impl Traced {
     /// # Panics
     /// Where the ray missed; the message explains the ray.
     #[track_caller]
+    #[must_use]
     pub fn hit(&self) -> HitRecord {
         let Some(committed) = &self.committed else {
             panic!("the ray hit nothing\n\n{}", self.explain());
@@ -186,6 +190,7 @@ impl Explain for Traced {
 /// What a launch left behind.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
+#[must_use]
 pub struct Launched {
     /// How many rays were traced and shaders run.
     pub stats: Stats,

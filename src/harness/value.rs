@@ -20,6 +20,7 @@ use crate::math::float_format::FloatFormat;
 /// [`Value::f32`], [`Value::vec3`] and their kin read what is there, and panic with both types
 /// where it is something else: they are made for tests.
 #[derive(Clone)]
+#[must_use]
 pub struct Value {
     ty: String,
     bytes: Vec<u8>,
@@ -151,11 +152,13 @@ impl Value {
     }
 
     /// Its type in GLSL's words.
+    #[must_use]
     pub fn ty(&self) -> &str {
         &self.ty
     }
 
     /// Its bytes, little-endian, laid out as the module says.
+    #[must_use]
     pub fn bytes(&self) -> &[u8] {
         &self.bytes
     }
@@ -204,6 +207,7 @@ impl Value {
     }
 
     /// A member of a struct by name; of a vector also `x`, `y`, `z` and `w`.
+    #[must_use]
     pub fn field(&self, name: &str) -> Option<&Self> {
         match &self.content {
             Content::List(elements) if elements.iter().all(|element| element.number().is_some()) => {
@@ -215,6 +219,7 @@ impl Value {
     }
 
     /// The members of a struct with their names; empty for anything else.
+    #[must_use]
     pub fn fields(&self) -> impl Iterator<Item = (&str, &Self)> {
         let fields = match &self.content {
             Content::Struct(fields) => &fields[..],
@@ -225,6 +230,7 @@ impl Value {
 
     /// The elements of an array, the columns of a matrix, the components of a vector; empty for
     /// anything else.
+    #[must_use]
     pub fn elements(&self) -> &[Self] {
         match &self.content {
             Content::List(elements) => elements,
@@ -251,6 +257,7 @@ impl Value {
     /// # Panics
     /// Where it is something else.
     #[track_caller]
+    #[must_use]
     pub fn f32(&self) -> f32 {
         match self.number() {
             Some(Number::Float(value)) if self.ty != "double" => value as f32,
@@ -263,6 +270,7 @@ impl Value {
     /// # Panics
     /// Where it is something else.
     #[track_caller]
+    #[must_use]
     pub fn f64(&self) -> f64 {
         match self.number() {
             Some(Number::Float(value)) => value,
@@ -275,6 +283,7 @@ impl Value {
     /// # Panics
     /// Where it is something else.
     #[track_caller]
+    #[must_use]
     pub fn u32(&self) -> u32 {
         match self.number() {
             Some(Number::Uint(value)) => u32::try_from(value).unwrap_or_else(|_| self.is_not("a uint")),
@@ -287,6 +296,7 @@ impl Value {
     /// # Panics
     /// Where it is something else.
     #[track_caller]
+    #[must_use]
     pub fn i32(&self) -> i32 {
         match self.number() {
             Some(Number::Int(value)) => i32::try_from(value).unwrap_or_else(|_| self.is_not("an int")),
@@ -299,6 +309,7 @@ impl Value {
     /// # Panics
     /// Where it is something else.
     #[track_caller]
+    #[must_use]
     pub fn integer(&self) -> i128 {
         match self.number() {
             Some(Number::Uint(value)) => value.into(),
@@ -312,6 +323,7 @@ impl Value {
     /// # Panics
     /// Where it is something else.
     #[track_caller]
+    #[must_use]
     pub fn bool(&self) -> bool {
         match self.number() {
             Some(Number::Bool(value)) => value,
@@ -334,6 +346,7 @@ impl Value {
     /// # Panics
     /// Where it is something else.
     #[track_caller]
+    #[must_use]
     pub fn vec2(&self) -> [f32; 2] {
         self.exactly("a vec2", Self::f32)
     }
@@ -343,6 +356,7 @@ impl Value {
     /// # Panics
     /// Where it is something else.
     #[track_caller]
+    #[must_use]
     pub fn vec3(&self) -> [f32; 3] {
         self.exactly("a vec3", Self::f32)
     }
@@ -352,6 +366,7 @@ impl Value {
     /// # Panics
     /// Where it is something else.
     #[track_caller]
+    #[must_use]
     pub fn vec4(&self) -> [f32; 4] {
         self.exactly("a vec4", Self::f32)
     }
@@ -361,6 +376,7 @@ impl Value {
     /// # Panics
     /// Where it is something else.
     #[track_caller]
+    #[must_use]
     pub fn uvec<const N: usize>(&self) -> [u32; N] {
         self.exactly("a vector of so many uint", Self::u32)
     }
@@ -370,6 +386,7 @@ impl Value {
     /// # Panics
     /// Where it is something else.
     #[track_caller]
+    #[must_use]
     pub fn ivec<const N: usize>(&self) -> [i32; N] {
         self.exactly("a vector of so many int", Self::i32)
     }
@@ -379,6 +396,7 @@ impl Value {
     /// # Panics
     /// Where it is something else.
     #[track_caller]
+    #[must_use]
     pub fn matrix<const C: usize, const R: usize>(&self) -> [[f32; R]; C] {
         self.exactly("a matrix of this shape", |column| column.exactly("a column of this size", Self::f32))
     }

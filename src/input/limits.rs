@@ -47,6 +47,7 @@ macro_rules! limits {
 
 impl InputLimit {
     /// The greatest value that it can be set to: what counts words or registers fits 32 bits.
+    #[must_use]
     pub fn ceiling(self) -> u64 {
         match self {
             Self::TypeNesting => 255,
@@ -140,6 +141,7 @@ limits! {
 /// assert_eq!(limits.get(InputLimit::SceneFiles), 64);
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[must_use]
 pub struct InputLimits([u64; InputLimit::ALL.len()]);
 
 impl Default for InputLimits {
@@ -154,6 +156,7 @@ impl Default for InputLimits {
 
 impl InputLimits {
     /// The value of a limit.
+    #[must_use]
     pub fn get(&self, limit: InputLimit) -> u64 {
         self.0[limit as usize]
     }

@@ -27,6 +27,7 @@ impl Buffer {
     pub const OFFSET_ALIGNMENT: u64 = 4;
 
     /// A buffer that holds these bytes.
+    #[must_use]
     pub fn new(bytes: &[u8]) -> Arc<Self> {
         Self::with_size(bytes, bytes.len())
     }
@@ -50,6 +51,7 @@ impl Buffer {
     }
 
     /// A buffer of zeros.
+    #[must_use]
     pub fn zeroed(size: usize) -> Arc<Self> {
         Self::whole(zeros(size), size as u64)
     }
@@ -60,6 +62,7 @@ impl Buffer {
 
     /// The buffer of a null descriptor (`nullDescriptor`): whatever the policy, loads give 0,
     /// stores are dropped, and `OpArrayLength` gives 0.
+    #[must_use]
     pub fn null() -> Arc<Self> {
         Arc::new(Self { memory: Arc::new([]), first: 0, size: 0, null: true, view_of: None })
     }
@@ -67,6 +70,7 @@ impl Buffer {
     /// The range of `range` bytes at an offset in bytes, as a buffer with the same memory; `None`
     /// where it goes beyond this one, or the offset is no multiple of
     /// [`Buffer::OFFSET_ALIGNMENT`]. Messages call this buffer by its name.
+    #[must_use]
     pub fn view(&self, offset: u64, range: u64, name: &str) -> Option<Arc<Self>> {
         let inside = offset.checked_add(range)? <= self.size && offset.is_multiple_of(Self::OFFSET_ALIGNMENT);
         inside.then(|| {
@@ -116,12 +120,14 @@ impl Buffer {
     }
 
     /// Whether it is [`Buffer::null`].
+    #[must_use]
     pub fn is_null(&self) -> bool {
         self.null
     }
 
     /// The size in bytes.
     #[inline]
+    #[must_use]
     pub fn size(&self) -> u64 {
         self.size
     }
@@ -140,6 +146,7 @@ impl Buffer {
     }
 
     /// A copy of the bytes.
+    #[must_use]
     pub fn bytes(&self) -> Vec<u8> {
         let mut bytes: Vec<u8> =
             self.words().iter().flat_map(|word| word.load(Relaxed).to_le_bytes()).collect();

@@ -68,6 +68,7 @@ pub enum Class {
 
 /// A texel format: one kind of component, one to four times, in the order R G B A.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[must_use]
 pub struct Format {
     /// The kind of every component.
     pub component: Component,
@@ -142,6 +143,7 @@ impl Format {
     }
 
     /// A format of linear components.
+    #[must_use]
     pub const fn new(component: Component, channels: u8) -> Self {
         Self { component, channels, srgb: false }
     }
@@ -158,9 +160,7 @@ impl Format {
             Uint64 | Sint64 => &[1],
             _ => &[1, 2, 4],
         };
-        let wrong = |message, note: String| {
-            Err(Error::new(ErrorKind::InvalidArgument, message).note(note))
-        };
+        let wrong = |message, note: String| Err(Error::new(ErrorKind::InvalidArgument, message).note(note));
         let Self { component, channels: given, srgb } = self;
         if !channels.contains(&given) {
             let all: Vec<String> = channels.iter().map(u8::to_string).collect();
@@ -169,7 +169,10 @@ impl Format {
                 _ => all.join(""),
             };
             let message = format!("no format has {given} channels of `Component::{component:?}`");
-            return wrong(message, format!("write `Format::new(Component::{component:?}, N)`, where N is {all}"));
+            return wrong(
+                message,
+                format!("write `Format::new(Component::{component:?}, N)`, where N is {all}"),
+            );
         }
         if srgb && component != Unorm8 {
             let message = format!("no format stores `Component::{component:?}` sRGB-encoded");
@@ -229,6 +232,7 @@ impl Format {
     }
 
     /// Bytes of one texel: 1, 2, 4, 8 or 16.
+    #[must_use]
     pub fn texel_size(self) -> u32 {
         use Component::*;
         let channels = u32::from(self.channels);

@@ -61,6 +61,7 @@ impl Dimension {
 
 /// The shape of an image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[must_use]
 pub struct ImageShape {
     /// The dimension: what its coordinates are.
     pub dimension: Dimension,
@@ -76,6 +77,7 @@ pub struct ImageShape {
 
 impl ImageShape {
     /// A plane of one level.
+    #[must_use]
     pub fn plane(width: u32, height: u32) -> Self {
         Self { dimension: Dimension::D2, extent: [width, height, 1], layers: 1, levels: 1, samples: 1 }
     }
@@ -102,6 +104,7 @@ impl ImageShape {
     }
 
     /// The number of levels down to a single texel.
+    #[must_use]
     pub fn max_levels(&self) -> u32 {
         self.extent.iter().max().map_or(1, |&side| side.max(1).ilog2() + 1)
     }
@@ -196,6 +199,7 @@ impl Image {
     }
 
     /// Whether it is [`Image::null`].
+    #[must_use]
     pub fn is_null(&self) -> bool {
         self.null
     }
@@ -311,6 +315,7 @@ impl Image {
     }
 
     /// How texels are stored.
+    #[must_use]
     pub fn format(&self) -> Format {
         self.format
     }
@@ -328,6 +333,7 @@ impl Image {
     }
 
     /// Its shape.
+    #[must_use]
     pub fn shape(&self) -> &ImageShape {
         &self.shape
     }
@@ -419,6 +425,7 @@ impl Image {
     }
 
     /// A copy of the resident bytes of all levels.
+    #[must_use]
     pub fn bytes(&self) -> Vec<u8> {
         (0..self.shape.levels).flat_map(|level| self.level_bytes(level)).collect()
     }
@@ -462,6 +469,7 @@ impl Image {
     }
 
     /// A copy of the resident bytes of a level; none of one that it does not have.
+    #[must_use]
     pub fn level_bytes(&self, level: u32) -> Vec<u8> {
         let Some(&Level { first, .. }) = self.levels.get(level as usize) else { return Vec::new() };
         self.texel_bytes(first..first + self.shape.level_texels(level) as usize, 1)

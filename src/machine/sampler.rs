@@ -95,6 +95,7 @@ pub struct BlockMatchWindow {
 
 /// A sampler's state.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[must_use]
 pub struct Sampler {
     /// The filter for magnification.
     pub mag_filter: Filter,

@@ -50,6 +50,7 @@ impl LaunchFuel {
 /// The limits of a whole launch or dispatch. None is set by default.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
+#[must_use]
 pub struct LaunchLimits {
     /// What all invocations may execute together.
     #[doc(hidden)]

@@ -31,6 +31,7 @@ const MAX_BATCH_WIDTH: u32 = 128;
 /// An output image that is handed out in bands of rows while a launch renders it: a 2D image as
 /// wide and high as the launch, which the launch itself binds.
 #[derive(Clone, Debug, PartialEq, Eq)]
+#[must_use]
 pub struct StreamedImage {
     /// The image's binding: the first array element of a storage image.
     #[doc(hidden)]
@@ -46,6 +47,7 @@ pub struct StreamedImage {
 
 impl StreamedImage {
     /// An image of zeros, in bands of 32 MiB.
+    #[must_use]
     pub fn new(set: u32, binding: u32, format: Format) -> Self {
         let texel = vec![0; format.texel_size() as usize];
         Self { binding: Binding { set, binding }, format, texel, band_bytes: 32 << 20 }
@@ -95,17 +97,20 @@ pub struct Band<'a> {
 
 impl Band<'_> {
     /// The texel format.
+    #[must_use]
     pub fn format(&self) -> Format {
         self.image.format()
     }
 
     /// Width and height of the whole image.
+    #[must_use]
     pub fn size(&self) -> [u32; 2] {
         let [width, height, _] = self.image.shape().extent;
         [width, height]
     }
 
     /// The rows of the band, counted from the top of the whole image.
+    #[must_use]
     pub fn rows(&self) -> Range<u32> {
         self.image.rows()
     }

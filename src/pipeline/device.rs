@@ -171,6 +171,7 @@ impl Default for DeviceLimits {
 
 /// A device, as far as pipelines and scenes depend on it.
 #[derive(Clone, Debug, PartialEq, Eq)]
+#[must_use]
 pub struct DeviceProfile {
     /// What errors call it.
     pub name: String,
@@ -204,6 +205,7 @@ impl DeviceProfile {
     ///
     /// There is no preset for devices of a vendor, as their support changes with the driver: take
     /// it from the driver's own report.
+    #[must_use]
     pub fn preset(name: &str) -> Option<Self> {
         let without_swept_spheres = DeviceFeatures {
             spheres: false,

@@ -28,6 +28,7 @@ pub struct ShadowWord {
 
 /// The operands of a ray that the host traces, without a ray generation shader.
 #[derive(Clone, Debug, PartialEq)]
+#[must_use]
 pub struct RayOperands {
     /// Ray, flags, cull mask.
     pub trace: TraceRay,

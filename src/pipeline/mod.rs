@@ -77,6 +77,7 @@ pub const DEFAULT_STACK_SIZE: u64 = 1 << 23;
 
 /// Shaders, groups and the shader binding table.
 #[derive(Clone)]
+#[must_use]
 pub struct Pipeline {
     /// The programs that groups name.
     #[doc(hidden)]
@@ -139,6 +140,7 @@ impl fmt::Debug for Pipeline {
 
 impl Pipeline {
     /// Begins a pipeline.
+    #[must_use]
     pub fn builder() -> PipelineBuilder {
         PipelineBuilder::default()
     }
@@ -249,6 +251,7 @@ impl Pipeline {
 
 /// Collects shaders, groups and records.
 #[derive(Clone, Debug, Default)]
+#[must_use]
 pub struct PipelineBuilder {
     programs: Vec<Arc<Program>>,
     groups: Vec<Group>,

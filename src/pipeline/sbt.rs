@@ -11,6 +11,7 @@ use crate::program::Program;
 
 /// A record: a group and the application's data behind its handle.
 #[derive(Clone, Debug)]
+#[must_use]
 pub struct SbtRecord {
     /// Index of the group.
     pub group: u32,
@@ -20,11 +21,13 @@ pub struct SbtRecord {
 
 impl SbtRecord {
     /// A record without data.
+    #[must_use]
     pub fn new(group: u32) -> Self {
         Self { group, data: None }
     }
 
     /// A record with data.
+    #[must_use]
     pub fn with_data(group: u32, data: &[u8]) -> Self {
         Self { group, data: Some(Buffer::new(data)) }
     }
@@ -41,6 +44,7 @@ impl SbtRecord {
 /// The shader binding table: one table for each kind of shader. `None` is a record with a null
 /// handle, for which no shader runs.
 #[derive(Clone, Debug, Default)]
+#[must_use]
 pub struct Sbt {
     /// The ray generation record that launches run.
     pub ray_generation: Option<SbtRecord>,

@@ -49,6 +49,7 @@ pub struct ShaderStats {
 
 impl Stats {
     /// How many invocations of a stage's shaders ran.
+    #[must_use]
     pub fn invocations(&self, stage: Stage) -> u64 {
         self.shaders.get(&stage).map_or(0, |shaders| shaders.invocations)
     }

@@ -165,6 +165,7 @@ pub struct Scope {
 
 /// One entry point, ready to run. It does not change while it runs.
 #[derive(Clone)]
+#[must_use]
 pub struct Program {
     /// The module of the entry point.
     pub module: Arc<Module>,

@@ -7,6 +7,7 @@ use crate::error::{Error, Place, Result, ShaderFrame};
 use crate::machine::ShaderIndex;
 use crate::math::random::Random;
 use crate::sanitize::rule::{Level, Rule};
+use crate::sanitize::warning_reports::WarningReports;
 
 /// A rule that a shader broke while it ran.
 #[derive(Clone, Debug)]
@@ -267,13 +268,13 @@ impl Findings {
     ///
     /// # Errors
     /// What is denied, all in one error; else the error of the run.
-    pub fn into_warnings(self, outcome: Result<()>) -> Result<Vec<Error>> {
+    pub fn into_warnings(self, outcome: Result<()>) -> Result<WarningReports> {
         let denied: Vec<Error> = self.denied().map(Finding::report).collect();
         if !denied.is_empty() {
             return Err(Error::several(denied));
         }
         outcome?;
-        Ok(self.iter().map(Finding::report).collect())
+        Ok(self.iter().map(Finding::report).collect::<Vec<Error>>().into())
     }
 
     /// Counts a finding about an output of a run, which a hash tells apart from others; a new one

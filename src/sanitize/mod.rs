@@ -43,6 +43,7 @@ mod traversal_lints;
 pub mod unreached_records;
 pub mod unwritten;
 mod value_path;
+mod warning_reports;
 mod word_range;
 mod world_reads;
 
@@ -55,3 +56,4 @@ pub use sanitizer::Sanitizer;
 pub use structures::StructureNames;
 pub use traced_rays::{PausedRayWatch, RayWatch, SeenRays};
 pub use unwritten::{LaunchSize, UnwrittenMemory};
+pub use warning_reports::WarningReports;

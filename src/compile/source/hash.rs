@@ -10,6 +10,7 @@ impl Source {
     /// A module is a function of this hash, the compiler's name and version, and the flags: the
     /// three make the key of a cache. Line ends do not count, so that a checkout with CR LF hashes
     /// alike.
+    #[must_use]
     pub fn content_hash(&self) -> String {
         let mut hasher = Sha256::new();
         for (name, text) in self.closure() {

@@ -30,7 +30,7 @@ use std::sync::Arc;
 
 use crate::debug::session::ResolvedRequest;
 use crate::debug::shell;
-use crate::error::{ErrorKind, Result};
+use crate::error::{Error, ErrorKind, Result};
 use crate::escape;
 use crate::harness::many_seeds::minimise::minimise;
 use crate::harness::many_seeds::orders::{SmallestOrder, smallest};
@@ -86,7 +86,8 @@ impl ManySeeds {
     /// itself has none.
     ///
     /// # Errors
-    /// Those of lowering a shader without optimization.
+    /// Those of lowering a shader without optimization, and `InvalidArgument` for an empty range of
+    /// seeds.
     pub fn run(&self, scene: &ResolvedScene, assembled: &Assembled) -> Result<Findings> {
         self.search(scene, assembled, None)
     }
@@ -111,6 +112,12 @@ impl ManySeeds {
         assembled: &Assembled,
         which: Option<&ResolvedRequest>,
     ) -> Result<Findings> {
+        if self.seeds.is_empty() {
+            let Range { start, end } = &self.seeds;
+            let message = format!("no seed is drawn: the range of seeds {start}..{end} is empty");
+            return Err(Error::new(ErrorKind::InvalidArgument, message)
+                .note("ask for at least one seed: `many_seeds(8)`"));
+        }
         let runs = match Runs::new(scene, assembled, which, &self.levels) {
             Ok(runs) => runs,
             Err(error) if error.kind() == ErrorKind::Trap => return Ok(Findings::default()),

@@ -59,9 +59,10 @@ impl ShaderTest {
     /// Checks that the shader reads every builtin that the test sets by name.
     pub(super) fn check_builtins(&self) -> Result<()> {
         let module = &self.program.module;
-        let entry = module.entry_points.iter().find(|entry| {
-            entry.stage == self.program.stage && entry.name == self.program.name
-        });
+        let entry = module
+            .entry_points
+            .iter()
+            .find(|entry| entry.stage == self.program.stage && entry.name == self.program.name);
         let variables = entry.map_or_else(Vec::new, |entry| module.interface_of(entry));
         let mut read: Vec<&str> = self.program.inputs.iter().map(|input| input.builtin.name).collect();
         for variable in variables {

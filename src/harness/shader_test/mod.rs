@@ -50,6 +50,7 @@ use crate::program::Program;
 /// # }
 /// ```
 #[derive(Clone, Debug)]
+#[must_use]
 pub struct ShaderTest {
     program: Arc<Program>,
     hit: Option<Hit>,

@@ -20,7 +20,7 @@ use crate::ops::pointer::storage;
 use crate::ops::translate::InterfaceRegisters;
 use crate::pipeline::{Event, Pipeline, trap_error, with_limit};
 use crate::sanitize::module_checks::check_module;
-use crate::sanitize::{Levels, ProgramPlan, Sanitizer};
+use crate::sanitize::{Levels, ProgramPlan, Sanitizer, WarningReports};
 use crate::sorted::SortedMap;
 
 impl ShaderTest {
@@ -51,7 +51,7 @@ impl ShaderTest {
     ///
     /// # Errors
     /// `Finding` for what it denies, all in one error; else as [`ShaderTest::run`].
-    pub fn sanitize(&self) -> Result<Vec<Error>> {
+    pub fn sanitize(&self) -> Result<WarningReports> {
         let test = Self { program: Arc::new(self.program.for_sanitizer()?), ..self.clone() };
         let (plans, levels) = ([ProgramPlan::new(&test.program)], Levels::default());
         let mut sanitizer = Sanitizer::new(&plans, &levels);

@@ -61,6 +61,7 @@ pub use report::{BlockCoverage, EntryReport, RunReport, SmokeReport, SmokeTrap, 
 /// How to run a smoke test.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
+#[must_use]
 pub struct SmokeOptions {
     /// The seed of all values.
     pub seed: u64,
@@ -144,6 +145,7 @@ impl SmokeReport {
     /// # Ok(())
     /// # }
     /// ```
+    #[must_use]
     pub fn of(module: &Arc<Module>, options: SmokeOptions) -> Self {
         let deadline = options.time_limit.and_then(|limit| Instant::now().checked_add(limit));
         let images = MadeUpImages::default();

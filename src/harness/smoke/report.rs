@@ -34,6 +34,7 @@ pub enum SmokeVerdict {
 /// A smoke test of a module.
 #[derive(Clone, Debug, Serialize)]
 #[non_exhaustive]
+#[must_use]
 pub struct SmokeReport {
     /// The seed of all values.
     pub seed: u64,
@@ -205,6 +206,7 @@ impl SmokeTrap {
 
 impl SmokeReport {
     /// Whether every entry point that is in scope ran to its end.
+    #[must_use]
     pub fn is_ok(&self) -> bool {
         self.entry_points.iter().all(|entry| entry.result <= SmokeVerdict::OutOfScope)
     }
@@ -216,6 +218,7 @@ impl SmokeReport {
     }
 
     /// The report for people.
+    #[must_use]
     pub fn text(&self) -> String {
         let mut out = String::new();
         let mut told = SortedSet::new();

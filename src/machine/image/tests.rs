@@ -22,8 +22,7 @@ fn a_band_has_some_rows_of_the_whole() {
 
 #[test]
 fn an_image_is_filled_with_one_texel() {
-    for (component, channels) in [(Component::Unorm8, 1), (Component::Uint16, 4), (Component::Float32, 4)]
-    {
+    for (component, channels) in [(Component::Unorm8, 1), (Component::Uint16, 4), (Component::Float32, 4)] {
         let format = Format::new(component, channels);
         let texel: Vec<u8> = (1..=format.texel_size() as u8).collect();
         let image = Image::filled(format, ImageShape::plane(5, 3), &texel).unwrap();

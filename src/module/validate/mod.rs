@@ -67,6 +67,7 @@ pub enum ValidationClass {
 
 impl ValidationClass {
     /// Name in diagnostics and JSON.
+    #[must_use]
     pub fn name(self) -> &'static str {
         match self {
             Self::Capability => "capability",
@@ -77,6 +78,7 @@ impl ValidationClass {
 
     /// Returns true if a module that breaks such a rule is rejected; false if that is a warning
     /// unless the caller is strict.
+    #[must_use]
     pub fn is_fault(self) -> bool {
         match self {
             Self::Capability | Self::Extension => false,
@@ -152,6 +154,7 @@ impl Module {
     /// # Ok(())
     /// # }
     /// ```
+    #[must_use]
     pub fn validate(&self) -> Vec<ValidationFinding> {
         let mut all = [self.faults(), self.undeclared()].concat();
         all.sort_by_key(|finding| (finding.word, finding.class));

@@ -12,6 +12,7 @@ const MOST_NAMES: usize = 12;
 
 impl ValidationFinding {
     /// Returns the finding as an `InvalidModule` error with place, rule and fix.
+    #[must_use]
     pub fn error(&self) -> Error {
         self.diagnostic(false)
     }

@@ -117,13 +117,14 @@ impl ImageOp {
         }
     }
 
-    /// The view through which it reads or writes texels, with the class that its operands
-    /// (`SignExtend`, `ZeroExtend`) give the texels; `None` for an operation without texels.
-    pub fn accessed_view(&self) -> Option<View> {
+    /// The register of the image's handle, and the view through which it reads or writes texels,
+    /// with the class that its operands (`SignExtend`, `ZeroExtend`) give the texels; `None` for an
+    /// operation without texels.
+    pub fn accessed_view(&self) -> Option<(Reg, View)> {
         match self {
-            Self::Sample(op) => Some(op.operands.view(op.view)),
-            Self::Read(op) => Some(op.texel.view),
-            Self::Write(op) => Some(View { class: op.class, ..op.texel.view }),
+            Self::Sample(op) => Some((op.image, op.operands.view(op.view))),
+            Self::Read(op) => Some((op.texel.image, op.texel.view)),
+            Self::Write(op) => Some((op.texel.image, View { class: op.class, ..op.texel.view })),
             Self::Query(_) | Self::Footprint(_) | Self::Process(_) => None,
         }
     }
