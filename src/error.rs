@@ -477,6 +477,7 @@ impl Error {
 /// What a compiler warns of: it keeps nothing from running, but a shader may mean something else
 /// than its author thinks.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct Warning {
     /// The file, as the compiler names it.
     pub file: String,

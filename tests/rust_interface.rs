@@ -402,3 +402,52 @@ fn an_endless_loop_ends_by_default() {
     assert!(error.render().contains("LaunchLimits::batch_timeout"), "{}", error.render());
     assert!((8..30).contains(&seconds), "{seconds} seconds");
 }
+
+#[test]
+fn outcomes_are_equal_by_value() {
+    let image = || plane(Component::Uint32, 1);
+    let [one, same] = [accumulate().image(0, 1, image()), accumulate().image(0, 1, image())].map(|test| {
+        let outcome = test.run().unwrap();
+        assert_eq!(outcome, test.run().unwrap());
+        outcome
+    });
+    assert_eq!(one, same);
+    // Another buffer, and so another texel; another payload; a push constant that no output shows.
+    assert_ne!(one, accumulate().image(0, 1, image()).buffer(0, 0, &[2u32]).run().unwrap());
+    assert_ne!(payload(0.0).run().unwrap(), payload(0.0).payload_member("hits", 1u32).run().unwrap());
+
+    let scene =
+        |first: u32| Scene::new([]).unwrap().buffer(0, 0, &[first]).image(0, 1, plane(Component::Uint32, 1));
+    let launched = |first| accumulating().launch(&scene(first), [1, 1, 1]).unwrap();
+    assert_eq!(launched(0), launched(0));
+    assert_ne!(launched(0), launched(1));
+    let spheres = Scene::new([Instance::sphere([0.0; 3], 0.5)]).unwrap();
+    let pipeline = Pipeline::builder().build().unwrap();
+    let traced = |z: f32| pipeline.trace(&spheres, Ray::new([0.0, 0.0, z], [0.0, 0.0, -1.0])).unwrap();
+    assert_eq!(traced(4.0), traced(4.0));
+    assert_ne!(traced(4.0), traced(5.0));
+    let loaded = LoadedScene::open("shaders/pass/ray-query/compute/scene.toml").unwrap();
+    assert_eq!(loaded.launch().unwrap(), loaded.launch().unwrap());
+}
+
+#[test]
+fn results_are_written_as_json() {
+    // hits: 0 + 5 + 2; the ray at (0, 0) hits the middle of the triangle at t = 4: barycentrics of
+    // the second and third vertex are 1/4 and 1/2.
+    let outcome = payload(0.0).run().unwrap();
+    let json = serde_json::to_value(&outcome).unwrap();
+    assert_eq!(json["exit"], "returned");
+    assert_eq!(json["payload"]["hits"], 7);
+    assert_eq!(json["payload"]["flag"], false);
+    assert_eq!(json["payload"]["i"], -1);
+    assert_eq!(json["payload"]["c"], serde_json::json!([0.25, 0.5, 4.0]));
+    let nan = payload(0.0).payload_member("d", f64::NAN).run().unwrap();
+    assert_eq!(serde_json::to_value(&nan).unwrap()["payload"]["d"], "NaN");
+
+    let spheres = Scene::new([Instance::sphere([0.0; 3], 0.5)]).unwrap();
+    let pipeline = Pipeline::builder().build().unwrap();
+    let traced = |x: f32| pipeline.trace(&spheres, Ray::new([x, 0.0, 4.0], [0.0, 0.0, -1.0])).unwrap();
+    let hit = serde_json::to_value(traced(0.0)).unwrap();
+    assert_eq!((&hit["hit"]["t"], &hit["stats"]["rays"]), (&3.5.into(), &1.into()));
+    assert!(serde_json::to_value(traced(9.0)).unwrap()["hit"].is_null());
+}

@@ -4,6 +4,7 @@ use std::fmt;
 
 /// The primitives of one geometry, in object space.
 #[derive(Clone, PartialEq)]
+#[non_exhaustive]
 pub enum GeometryData {
     /// Triangles, three vertices each.
     Triangles {

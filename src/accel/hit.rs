@@ -1,12 +1,14 @@
 //! Candidates and committed hits, and the order of hits (`cursor` defines it).
 
+use serde::Serialize;
+
 use crate::accel::instance::TlasInstance;
 use crate::accel::primitive::Primitive;
 use crate::accel::tlas::Tlas;
 use crate::geometry::{Intersection, Surface};
 
 /// A hit kind: 254 and 255 for triangles, 0 to 127 for reported ones.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
 pub struct HitKind(pub u32);
 
 impl HitKind {

@@ -33,6 +33,7 @@ pub type Matrix = [[f32; 4]; 3];
 /// How an instance moves while time goes from 0 to 1.
 #[derive(Clone, Debug, PartialEq)]
 #[must_use]
+#[non_exhaustive]
 pub enum Motion {
     /// `VkAccelerationStructureMatrixMotionInstanceNV`: its transform at time 0 and at time 1.
     Matrix([Matrix; 2]),

@@ -217,7 +217,7 @@ pub struct ComputeOutcome {
     pub stats: Stats,
     /// What the shader printed (`debugPrintfEXT`).
     pub printed: Vec<PrintedLine>,
-    bound: Bound,
+    pub(super) bound: Bound,
 }
 
 reads_what_is_bound!(ComputeOutcome);

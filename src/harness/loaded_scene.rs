@@ -704,7 +704,7 @@ pub struct SceneOutcome {
     pub printed: Vec<PrintedLine>,
     /// Where each resource of the scene is.
     names: Vec<(String, Found)>,
-    bound: Bound,
+    pub(super) bound: Bound,
 }
 
 /// Where a resource is found.

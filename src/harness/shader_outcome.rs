@@ -5,6 +5,8 @@ use std::sync::Arc;
 
 use bytemuck::AnyBitPattern;
 
+use serde::Serialize;
+
 use crate::accel::{HitPrimitive, Tlas, TraceRay, surface_normal};
 use crate::error::{Error, ErrorKind, Result};
 use crate::geometry::SurfaceNormal;
@@ -17,7 +19,7 @@ use crate::harness::value::Value;
 use crate::machine::Exit;
 
 /// A report of an intersection shader.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct ReportedHit {
     /// The hit distance.

@@ -5,6 +5,8 @@ use std::sync::Arc;
 
 use bytemuck::{AnyBitPattern, NoUninit};
 
+use serde::Serialize;
+
 use crate::accel::{Committed, HitKind, RayFlags, TraceRay};
 use crate::error::{Error, ErrorKind, Result};
 use crate::geometry::Ray;
@@ -88,7 +90,7 @@ impl RayOperands {
 }
 
 /// The closest hit of a ray.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[non_exhaustive]
 #[must_use]
 pub struct HitRecord {
@@ -143,7 +145,7 @@ pub struct Traced {
     pub printed: Vec<String>,
     custom_index: u32,
     pub(super) data: Option<TypedBytes>,
-    bound: Bound,
+    pub(super) bound: Bound,
     explanation: Arc<Explanation>,
 }
 
@@ -196,7 +198,7 @@ pub struct Launched {
     pub stats: Stats,
     /// What shaders printed (`debugPrintfEXT`), in launch order.
     pub printed: Vec<PrintedLine>,
-    bound: Bound,
+    pub(super) bound: Bound,
 }
 
 reads_what_is_bound!(Launched);

@@ -2,6 +2,7 @@
 
 #[cfg(feature = "scenes")]
 pub(super) mod leaves;
+mod serialize;
 
 use std::fmt;
 use std::ops::Index;

@@ -11,6 +11,7 @@ use std::sync::Arc;
 
 use crate::accel::Tlas;
 use crate::machine::buffer::Buffer;
+use crate::machine::equality::{buffers_equal, structures_equal};
 
 /// Bits of an address that count bytes in a region.
 const REGION_BITS: u32 = 32;
@@ -68,6 +69,22 @@ impl Allocation {
 pub type NearestBuffer<'a> = (u64, &'a Arc<Buffer>, Option<&'a Arc<str>>);
 
 impl DeviceMemory {
+    /// Returns whether the same lies at the same addresses.
+    pub(super) fn has_equal_contents(&self, other: &Self) -> bool {
+        let same = |(own, other): (&Allocation, &Allocation)| {
+            own.base == other.base
+                && own.name == other.name
+                && match (&own.content, &other.content) {
+                    (Content::Buffer(own), Content::Buffer(other)) => buffers_equal(own, other),
+                    (Content::Structure(own), Content::Structure(other)) => structures_equal(own, other),
+                    (Content::Reserved, Content::Reserved) => own.size == other.size,
+                    _ => false,
+                }
+        };
+        self.allocations.len() == other.allocations.len()
+            && self.allocations.iter().zip(&other.allocations).all(same)
+    }
+
     /// Gives a buffer an address (`vkGetBufferDeviceAddress`); the one that it has, where it has
     /// one.
     pub fn add_buffer(&mut self, buffer: &Arc<Buffer>) -> u64 {

@@ -15,6 +15,7 @@ use crate::math::srgb;
 
 /// How a component is stored; the packed kinds describe all components of a texel at once.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum Component {
     /// 8 bits, 0 to 1.
     Unorm8,

@@ -16,6 +16,7 @@ pub use crate::machine::image_words::ImageState;
 
 /// `VkImageViewType`, and texel buffers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum Dimension {
     /// A one-dimensional image.
     D1,

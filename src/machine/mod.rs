@@ -8,6 +8,7 @@
 pub mod batch;
 pub mod buffer;
 pub mod device_memory;
+mod equality;
 pub mod format;
 pub mod hit_object;
 pub mod image;

@@ -25,6 +25,7 @@ pub struct Binding {
 
 /// What a binding's array element refers to.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub enum Descriptor {
     /// A storage or uniform buffer.
     Buffer(Arc<Buffer>),

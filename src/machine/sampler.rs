@@ -2,6 +2,7 @@
 
 /// `VkFilter`, `VkSamplerMipmapMode`
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum Filter {
     /// The nearest texel or level.
     Nearest,

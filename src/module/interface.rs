@@ -11,6 +11,7 @@ pub use crate::error::Stage;
 
 /// An `OpEntryPoint` with its execution modes.
 #[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct EntryPoint {
     /// The execution model.
     pub stage: Stage,

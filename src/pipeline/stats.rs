@@ -1,10 +1,12 @@
 //! Counts of what launches and dispatches did.
 
+use serde::Serialize;
+
 use crate::module::interface::Stage;
 use crate::sorted::SortedMap;
 
 /// Counts of what a launch did.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 #[non_exhaustive]
 pub struct Stats {
     /// Rays traced.
@@ -25,7 +27,7 @@ pub struct Stats {
 }
 
 /// Work of rays that was elided because nothing depends on it.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Elided {
     /// Closest hits on opaque geometry whose hit group has an any-hit shader, which did not run.
     pub any_hit: u64,
@@ -39,7 +41,7 @@ pub struct Elided {
 }
 
 /// How often shaders of a stage ran.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct ShaderStats {
     /// The number of invocations.
     pub invocations: u64,

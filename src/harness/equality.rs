@@ -1,0 +1,107 @@
+//! Equality of outcomes: by the values that a run left, not by how it came about.
+
+use crate::harness::bound::Bound;
+use crate::harness::compute_test::ComputeOutcome;
+use crate::harness::data::TypedBytes;
+#[cfg(feature = "scenes")]
+use crate::harness::loaded_scene::SceneOutcome;
+use crate::harness::mock::{CallableCall, ExecuteCall, TraceCall};
+use crate::harness::shader_outcome::ShaderOutcome;
+use crate::harness::trace::{Launched, Traced};
+
+impl PartialEq for Bound {
+    fn eq(&self, other: &Self) -> bool {
+        self.resources.has_equal_contents(&other.resources)
+    }
+}
+
+impl PartialEq for TypedBytes {
+    fn eq(&self, other: &Self) -> bool {
+        self.value() == other.value()
+    }
+}
+
+impl PartialEq for TraceCall {
+    fn eq(&self, other: &Self) -> bool {
+        self.number == other.number
+            && self.trace == other.trace
+            && [self.sbt_offset, self.sbt_stride, self.miss_index]
+                == [other.sbt_offset, other.sbt_stride, other.miss_index]
+            && self.given == other.given
+            && self.payload == other.payload
+            && self.into_hit_object == other.into_hit_object
+    }
+}
+
+impl PartialEq for ExecuteCall {
+    fn eq(&self, other: &Self) -> bool {
+        self.number == other.number
+            && self.trace == other.trace
+            && self.hit == other.hit
+            && self.record == other.record
+            && self.given == other.given
+            && self.payload == other.payload
+    }
+}
+
+impl PartialEq for CallableCall {
+    fn eq(&self, other: &Self) -> bool {
+        self.number == other.number
+            && self.index == other.index
+            && self.given == other.given
+            && self.data == other.data
+    }
+}
+
+/// Equal by what the invocation left: how it ended, payload and attributes, calls with their
+/// answers, what it printed, buffers and images.
+impl PartialEq for ShaderOutcome {
+    fn eq(&self, other: &Self) -> bool {
+        self.exit == other.exit
+            && self.payload == other.payload
+            && self.attributes == other.attributes
+            && self.reports == other.reports
+            && self.traces == other.traces
+            && self.executes == other.executes
+            && self.calls == other.calls
+            && self.printed == other.printed
+            && self.bound == other.bound
+    }
+}
+
+/// Equal by counts, printed lines, buffers and images.
+impl PartialEq for ComputeOutcome {
+    fn eq(&self, other: &Self) -> bool {
+        self.stats == other.stats && self.printed == other.printed && self.bound == other.bound
+    }
+}
+
+/// Equal by counts, printed lines, buffers and images.
+impl PartialEq for Launched {
+    fn eq(&self, other: &Self) -> bool {
+        self.stats == other.stats && self.printed == other.printed && self.bound == other.bound
+    }
+}
+
+/// Equal by the closest hit, the payload, counts, printed lines, buffers and images.
+impl PartialEq for Traced {
+    fn eq(&self, other: &Self) -> bool {
+        let hit = |traced: &Self| (!traced.missed()).then(|| traced.hit());
+        hit(self) == hit(other)
+            && self.payload == other.payload
+            && self.stats == other.stats
+            && self.printed == other.printed
+            && self.bound == other.bound
+    }
+}
+
+/// Equal by the pass, counts, printed lines, buffers and images.
+#[cfg(feature = "scenes")]
+impl PartialEq for SceneOutcome {
+    fn eq(&self, other: &Self) -> bool {
+        self.pass == other.pass
+            && self.stats == other.stats
+            && self.printed == other.printed
+            && self.bound == other.bound
+    }
+}

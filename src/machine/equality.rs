@@ -1,0 +1,77 @@
+//! Equality of what is bound, by value: two runs that leave the same bytes left the same.
+
+use std::sync::Arc;
+
+use crate::accel::Tlas;
+use crate::machine::buffer::Buffer;
+use crate::machine::image::Image;
+use crate::machine::resource::{Descriptor, Resources};
+
+impl Resources {
+    /// Returns whether the same is bound at the same bindings: buffers, push constants and images
+    /// with equal contents, equal samplers, and structures of equal instances.
+    pub(crate) fn has_equal_contents(&self, other: &Self) -> bool {
+        let (own, others) = (&self.descriptors, &other.descriptors);
+        own.len() == others.len()
+            && own
+                .iter()
+                .zip(others.iter())
+                .all(|((at, own), (other_at, others))| at == other_at && all_equal(own, others))
+            && match (&self.push_constants, &other.push_constants) {
+                (Some(own), Some(other)) => buffers_equal(own, other),
+                (own, other) => own.is_none() && other.is_none(),
+            }
+            && self.memory.has_equal_contents(&other.memory)
+    }
+}
+
+fn all_equal(own: &[Descriptor], others: &[Descriptor]) -> bool {
+    own.len() == others.len() && own.iter().zip(others).all(|(own, other)| descriptors_equal(own, other))
+}
+
+fn descriptors_equal(own: &Descriptor, other: &Descriptor) -> bool {
+    match (own, other) {
+        (Descriptor::Buffer(own), Descriptor::Buffer(other)) => buffers_equal(own, other),
+        (Descriptor::Image(own), Descriptor::Image(other)) => images_equal(own, other),
+        (Descriptor::Sampler(own), Descriptor::Sampler(other)) => own == other,
+        (Descriptor::ImageSampler(own, sampler), Descriptor::ImageSampler(other, other_sampler)) => {
+            sampler == other_sampler && images_equal(own, other)
+        }
+        (Descriptor::AccelerationStructure(own), Descriptor::AccelerationStructure(other)) => {
+            structures_equal(own, other)
+        }
+        (Descriptor::Mutable(own), Descriptor::Mutable(other)) => all_equal(own, other),
+        (Descriptor::Unbound, Descriptor::Unbound) => true,
+        _ => false,
+    }
+}
+
+/// Returns whether two buffers have the same bytes.
+pub(super) fn buffers_equal(own: &Buffer, other: &Buffer) -> bool {
+    own.is_null() == other.is_null()
+        && own.size() == other.size()
+        && (own.is_same(other) || own.bytes() == other.bytes())
+}
+
+fn images_equal(own: &Arc<Image>, other: &Arc<Image>) -> bool {
+    let same_kind = || own.is_null() == other.is_null() && own.shape() == other.shape();
+    Arc::ptr_eq(own, other) || own.format() == other.format() && same_kind() && own.bytes() == other.bytes()
+}
+
+/// Returns whether two structures have the same instances of the same geometries.
+pub(super) fn structures_equal(own: &Arc<Tlas>, other: &Arc<Tlas>) -> bool {
+    if Arc::ptr_eq(own, other) {
+        return true;
+    }
+    let (own, others) = (own.instances(), other.instances());
+    own.len() == others.len()
+        && own.iter().zip(others).all(|(own, other)| {
+            own.transform == other.transform
+                && own.motion == other.motion
+                && own.custom_index == other.custom_index
+                && own.mask == other.mask
+                && own.sbt_record_offset == other.sbt_record_offset
+                && own.flags == other.flags
+                && own.blas.geometries() == other.blas.geometries()
+        })
+}
