@@ -133,6 +133,8 @@ fn parts(table: &Table) {
     table.row("load the module", 101, || load(&bytes).expect("a module"));
     table.row("lower the shader", 101, || Program::of(&module, "main").expect("a supported shader"));
     table.row("run the shader", 101, || test.run().expect("it runs"));
+    let beside = test.clone().buffer(3, 0, &vec![0u32; 1 << 18]);
+    table.row("run it beside an unused buffer of 1 MiB", 101, || beside.run().expect("it runs"));
     table.row("make a scene", 101, scene);
     table.row("trace a ray", 101, || pipeline.trace(&made, ray()).expect("it runs"));
     let file = format!("{ROOT}/shaders/pass/sphere/closest-hit/scene.toml");

@@ -62,14 +62,19 @@ fn a_pipeline_follows_pointers_of_push_constants_and_records() -> Result<()> {
     // The shader leaves t in the instance, whose type is that of the pointer to it.
     let instances = scene.resources().memory.named_buffer("instances").expect("the buffer").0;
     assert_eq!(traced.buffer_at(instances)?["t"].f32(), 3.0);
-    assert_eq!(scene.read_buffer_at::<f32>(instances + 12)?, [3.0]);
+    assert_eq!(traced.read_buffer_at::<f32>(instances + 12)?, [3.0]);
     // A pointer of the record alone leads to the first material.
     assert_eq!(traced.buffer_at(materials)?[0]["roughness"].f32(), 0.5);
     let error = traced.buffer_at(instances + 8).unwrap_err();
     assert!(error.message().contains("no pointer leads to address 0x200000008"), "{error}");
-    // What was given is as it was.
+    // What was given is as it was, unless the ray is to write to it.
+    assert_eq!(scene.read_buffer_at::<f32>(instances + 12)?, [0.0]);
+    let (mut written, before) = (scene.clone(), scene);
+    pipeline.trace_mut(&mut written, Ray::new([0.0, 0.0, 4.0], [0.0, 0.0, -1.0]))?;
     let fresh = Scene::new([])?.device_buffers(&buffers);
-    assert_eq!(fresh.read_buffer_at::<f32>(instances + 12)?, [0.0]);
+    for (scene, t) in [(written, 4.0), (before, 0.0), (fresh, 0.0)] {
+        assert_eq!(scene.read_buffer_at::<f32>(instances + 12)?, [t]);
+    }
     Ok(())
 }
 

@@ -62,6 +62,8 @@ mod module_validation;
 mod names;
 mod obstacles;
 #[cfg(feature = "wgsl")]
+mod outcomes;
+#[cfg(feature = "wgsl")]
 mod pass_bindings;
 mod passes;
 mod pictures;

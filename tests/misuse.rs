@@ -259,8 +259,8 @@ fn shaders_and_passes_that_a_scene_does_not_have() {
 fn images_are_read_where_they_are_bound() -> Result<()> {
     let builder = Pipeline::builder().ray_generation(program("pass/images/out-of-bounds/main.rgen.spv"))?;
     let format = Format::new(anyhit::Component::Float32, 1);
-    let scene = Scene::new([])?.image(0, 1, Image::plane(format, 3, 1)?);
-    let _ = builder.build()?.launch(&scene, [3, 1, 1])?;
+    let mut scene = Scene::new([])?.image(0, 1, Image::plane(format, 3, 1)?);
+    let _ = builder.build()?.launch_mut(&mut scene, [3, 1, 1])?;
     // Each invocation stores 1; what the format lacks is 0, and A is 1.
     assert_eq!(scene.read_image(0, 1)?.rows(), [[[1.0, 0.0, 0.0, 1.0]; 3]]);
     invalid(scene.read_image(0, 2), "no image is bound");

@@ -6,6 +6,7 @@ use pyo3::types::{PyDict, PyList};
 
 use crate::array::from_bytes;
 use crate::error::raised;
+use crate::scene::Scene;
 use crate::shader_test::TraceCall;
 use crate::value::to_python;
 
@@ -61,6 +62,7 @@ pub(crate) fn printed(lines: &[anyhit::PrintedLine]) -> Vec<([u32; 3], String)> 
 #[pyclass(frozen, module = "anyhit")]
 pub(crate) struct Launched {
     pub(crate) launched: anyhit::Launched,
+    pub(crate) scene: Scene,
 }
 
 #[pymethods]
@@ -75,6 +77,12 @@ impl Launched {
     #[getter]
     fn printed(&self) -> Vec<([u32; 3], String)> {
         printed(&self.launched.printed)
+    }
+
+    /// The scene with what shaders wrote, for a further launch.
+    #[getter]
+    fn scene(&self) -> Scene {
+        self.scene.clone()
     }
 
     /// An image: an array of float32, (height, width, 4).

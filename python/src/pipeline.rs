@@ -81,6 +81,7 @@ impl Pipeline {
     /// arrays of float32, (N, 3), of which one may be (3,) and counts for all; `t_min`, `t_max` and
     /// `time` are numbers or arrays of float32, (N,). `payload` is an array of `payload_dtype`,
     /// (N,): zeros unless given. Rays run side by side unless a shader stores to memory or prints.
+    /// What they store is in the `scene` of what is returned; the given scene stays as it is.
     #[pyo3(signature = (scene, origins, directions, *, t_min=None, t_max=None, flags=0, cull_mask=0xFF, sbt_offset=0, sbt_stride=1, miss_index=0, time=None, payload=None))]
     #[expect(clippy::too_many_arguments, reason = "they are keywords in Python")]
     fn trace<'py>(
@@ -106,8 +107,8 @@ impl Pipeline {
         trace(py, &self.pipeline, &scene.scene, &arguments)
     }
 
-    /// Runs the ray generation shader over a grid. Buffers and images are those of the scene: what
-    /// shaders write is seen there afterwards, and in what is returned.
+    /// Runs the ray generation shader over a grid. What shaders write is in what is returned, whose
+    /// `scene` a further launch goes on with; the given scene stays as it is.
     #[pyo3(signature = (scene, width, height=1, depth=1))]
     fn launch(
         &self,
@@ -117,7 +118,8 @@ impl Pipeline {
         height: u32,
         depth: u32,
     ) -> PyResult<Launched> {
-        let launched = py.detach(|| self.pipeline.launch(&scene.scene, [width, height, depth]));
-        Ok(Launched { launched: launched.map_err(raised)? })
+        let mut scene = scene.clone();
+        let launched = py.detach(|| self.pipeline.launch_mut(&mut scene.scene, [width, height, depth]));
+        Ok(Launched { launched: launched.map_err(raised)?, scene })
     }
 }

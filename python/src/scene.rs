@@ -14,10 +14,10 @@ use crate::instance::Instance;
 use crate::loaded_scene::LoadedScene;
 use crate::module::Module;
 use crate::numbers::members;
-use crate::outcome::buffer_array;
+use crate::outcome::{buffer_array, texels};
 
 /// Instances in an acceleration structure, and what the shaders have bound. Methods that bind
-/// return a scene that shares the rest.
+/// return a scene that shares the rest; what shaders write is in what a launch or trace returns.
 #[pyclass(frozen, module = "anyhit")]
 #[derive(Clone)]
 pub(crate) struct Scene {
@@ -77,7 +77,7 @@ impl Scene {
         Ok(Self { scene: self.scene.clone().image(set, binding, image(texels)?) })
     }
 
-    /// The content of a buffer now, as an array of a dtype; of its bytes without one.
+    /// The content of a buffer, as an array of a dtype; of its bytes without one.
     #[pyo3(signature = (set, binding, dtype=None))]
     fn read_buffer<'py>(
         &self,
@@ -87,6 +87,11 @@ impl Scene {
         dtype: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
         buffer_array(py, self.scene.read_buffer::<u8>(set, binding).map_err(raised)?, dtype)
+    }
+
+    /// The texels of an image: an array of float32, (height, width, 4).
+    fn read_image<'py>(&self, py: Python<'py>, set: u32, binding: u32) -> PyResult<Bound<'py, PyAny>> {
+        texels(py, &self.scene.read_image(set, binding).map_err(raised)?)
     }
 
     /// Sets the push constants by the names of their members, as a module declares them.

@@ -57,6 +57,8 @@ pub(crate) struct Traced {
     printed: Vec<Vec<String>>,
     /// How many rays were traced, and how often shaders of each stage ran.
     stats: Py<PyDict>,
+    /// The scene with what shaders stored, for further rays.
+    scene: Py<crate::scene::Scene>,
 }
 
 #[pymethods]
@@ -125,7 +127,7 @@ impl Columns {
     }
 
     /// The columns as arrays, whose memory they become.
-    fn into_arrays(self, py: Python<'_>, payload: Option<&Value>) -> PyResult<Traced> {
+    fn into_arrays(self, py: Python<'_>, payload: Option<&Value>, scene: Scene) -> PyResult<Traced> {
         let count = self.t.len();
         let numbers = |column: Vec<u32>| column.into_pyarray(py).into_any().unbind();
         let rows = |column: Vec<f32>, width: usize| -> PyResult<Py<PyAny>> {
@@ -152,6 +154,7 @@ impl Columns {
             payload,
             printed: self.printed,
             stats: stats(py, &self.stats)?.unbind(),
+            scene: Py::new(py, crate::scene::Scene { scene })?,
         })
     }
 }
@@ -185,7 +188,7 @@ impl Rays<'_> {
         operands
     }
 
-    /// Traces the rays of a range, one after the other.
+    /// Traces the rays of a range, one after the other, in the memory of the scene.
     ///
     /// # Errors
     /// The first one, with the number of its ray.
@@ -199,7 +202,7 @@ impl Rays<'_> {
         for at in range {
             let operands = self.operands(at);
             let ray = operands.trace.ray;
-            columns.push(ray, pipeline.trace(scene, operands).map_err(|error| (at, error))?);
+            columns.push(ray, pipeline.trace_in_place(scene, operands).map_err(|error| (at, error))?);
         }
         Ok(columns)
     }
@@ -277,8 +280,9 @@ pub(crate) fn trace(
         payload_words: pipeline.payload_words(),
         operands: &arguments.operands,
     };
-    let columns = py.detach(|| rays.trace_all(pipeline, scene));
-    columns.map_err(|(at, error)| raised_of_ray(error, at))?.into_arrays(py, shape.as_ref())
+    let (pipeline, scene) = pipeline.copied_for_run(scene);
+    let columns = py.detach(|| rays.trace_all(&pipeline, &scene));
+    columns.map_err(|(at, error)| raised_of_ray(error, at))?.into_arrays(py, shape.as_ref(), scene)
 }
 
 /// How many rays there are: as many as each array has rows.

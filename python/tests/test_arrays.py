@@ -200,11 +200,15 @@ fn append() {
 
 def test_rays_whose_shaders_store_run_in_their_order() -> None:
     pipeline = anyhit.Pipeline(hit=[anyhit.Module.from_source("log.wgsl", LOG)])
-    scene = anyhit.Scene([triangles()]).buffer(0, 0, np.zeros(3001, np.uint32))
+    scene = anyhit.Scene([triangles()]).buffer(0, 0, np.zeros(3002, np.uint32))
     origins = np.full((3000, 3), [0.25, 0.25, 1], np.float32)
     traced = pipeline.trace(scene, origins, DOWN, payload=np.arange(3000, dtype=np.uint32))
     assert traced.payload.tolist() == list(range(3000))
-    assert scene.read_buffer(0, 0, np.uint32).tolist() == [3000, *range(3000)]
+    assert traced.scene.read_buffer(0, 0, np.uint32).tolist() == [3000, *range(3000), 0]
+    assert not scene.read_buffer(0, 0, np.uint32).any()
+    # Further rays go on with what the first ones stored.
+    more = pipeline.trace(traced.scene, origins[:1], DOWN, payload=np.array([7], np.uint32))
+    assert more.scene.read_buffer(0, 0, np.uint32)[0] == 3001
 
 
 def test_no_rays_are_no_rows(pipeline: anyhit.Pipeline, scene: anyhit.Scene) -> None:

@@ -86,6 +86,27 @@ def test_a_launch_fills_an_image() -> None:
     assert again.read_buffer(0, 2, np.float32).tolist() == [2]
 
 
+COUNT = """
+enable wgpu_ray_tracing_pipeline;
+
+@group(0) @binding(0) var<storage, read_write> counts: array<u32, 2>;
+
+@ray_generation
+fn count(@builtin(ray_invocation_id) id: vec3u) {
+    counts[id.x] += 1u + id.x;
+}
+"""
+
+
+def test_a_launch_leaves_the_scene_and_returns_another() -> None:
+    pipeline = anyhit.Pipeline(ray_generation=anyhit.Module.from_source("count.wgsl", COUNT))
+    scene = anyhit.Scene([]).buffer(0, 0, np.zeros(2, np.uint32))
+    first, again = (pipeline.launch(scene, 2) for _ in range(2))
+    second = pipeline.launch(first.scene, 2)
+    counts = [one.read_buffer(0, 0, np.uint32).tolist() for one in (scene, first, again, second)]
+    assert counts == [[0, 0], [1, 2], [1, 2], [2, 4]]
+
+
 def test_a_trap_of_a_launch_has_its_index() -> None:
     module = anyhit.Module.open(FIXTURES / "fail/memory/array-index/main.rgen.spv")
     scene = anyhit.Scene([]).buffer(0, 1, np.full(6, -1, np.float32))

@@ -9,7 +9,7 @@ use crate::harness::layout::{Layout, Rules};
 use crate::harness::texels::Texels;
 use crate::harness::typed::{AddressRoots, pointed};
 use crate::harness::value::Value;
-use crate::machine::{Binding, Resources};
+use crate::machine::{Binding, Descriptor, Resources};
 use crate::module::ty::TypeId;
 use crate::program::Program;
 use crate::program::descriptors::declared_blocks;
@@ -72,6 +72,14 @@ impl Bound {
     pub(super) fn image(&self, set: u32, binding: u32) -> Result<Texels> {
         texels(&self.resources, set, binding)
     }
+
+    pub(super) fn descriptor(&self, set: u32, binding: u32) -> Result<Descriptor> {
+        let found = self.resources.descriptors.get(&Binding { set, binding });
+        found
+            .and_then(|elements| elements.first())
+            .cloned()
+            .ok_or_else(|| invalid(format!("nothing is bound at set {set}, binding {binding}")))
+    }
 }
 
 /// The methods of an outcome that read what its shaders had bound.
@@ -126,6 +134,15 @@ macro_rules! reads_what_is_bound {
             /// `InvalidArgument` where no image is bound there.
             pub fn image(&self, set: u32, binding: u32) -> Result<crate::harness::texels::Texels> {
                 self.bound.image(set, binding)
+            }
+
+            /// The first descriptor of a binding, with what shaders wrote, to bind it elsewhere:
+            /// `test.descriptor(0, 2, outcome.descriptor(0, 1)?)`. No run changes it.
+            ///
+            /// # Errors
+            /// `InvalidArgument` where nothing is bound there.
+            pub fn descriptor(&self, set: u32, binding: u32) -> Result<crate::machine::Descriptor> {
+                self.bound.descriptor(set, binding)
             }
         }
     };

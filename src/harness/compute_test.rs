@@ -9,7 +9,9 @@ use crate::debug::debugger::Debugger;
 use crate::error::{Error, Result};
 use crate::harness::bound::{Bound, reads_what_is_bound};
 use crate::harness::given::{Given, gives_resources};
+#[cfg(feature = "scenes")]
 use crate::harness::memory;
+use crate::harness::memory::WrittenMemory;
 use crate::harness::scene::Scene;
 use crate::harness::side_by_side::SideBySide;
 use crate::machine::printed::PrintedLine;
@@ -126,7 +128,8 @@ impl ComputeTest {
         Ok(Self { compute: self.compute.subgroup_size(size)?, ..self })
     }
 
-    /// Runs all workgroups. Buffers and images are copied first: a test can be run again.
+    /// Runs all workgroups. What they write is in the outcome; the test stays as it is, so that it
+    /// can be run again. Buffers and images that the shader cannot write are not copied.
     ///
     /// # Errors
     /// `Trap`, that of the first workgroup that has one, with its source line; `InvalidArgument`
@@ -134,7 +137,8 @@ impl ComputeTest {
     pub fn run(&self) -> Result<ComputeOutcome> {
         let program = &self.compute.program;
         self.given.check(program)?;
-        let mut resources = memory::copied(&self.given.resources);
+        let given = &self.given.resources;
+        let mut resources = WrittenMemory::of([program], given).copied(given);
         resources.printed = Some(Arc::default());
         let stats = self.compute.dispatch(&resources, self.groups).map_err(|error: Error| {
             let [x, y, z] = self.groups;
@@ -148,6 +152,17 @@ impl ComputeTest {
             readers: SortedMap::new(),
         };
         Ok(ComputeOutcome { stats, printed, bound })
+    }
+
+    /// Runs all workgroups as [`ComputeTest::run`] does, and keeps what they write: the next run
+    /// begins with it. Clones of the test, and earlier outcomes, stay as they are.
+    ///
+    /// # Errors
+    /// As [`ComputeTest::run`]; the test stays as it was then.
+    pub fn run_mut(&mut self) -> Result<ComputeOutcome> {
+        let outcome = self.run()?;
+        self.given.resources = outcome.bound.resources.clone();
+        Ok(outcome)
     }
 
     /// Runs all workgroups as [`ComputeTest::run`] does, under the sanitizer: it checks what no
@@ -175,7 +190,8 @@ impl ComputeTest {
     pub fn sanitize(&self) -> Result<WarningReports> {
         let compute = self.compute.for_sanitizer()?;
         self.given.check(&compute.program)?;
-        let resources = memory::copied(&self.given.resources);
+        let given = &self.given.resources;
+        let resources = WrittenMemory::of([&compute.program], given).copied(given);
         let (plans, levels) = ([ProgramPlan::new(&compute.program)], Levels::default());
         let side_by_side = SideBySide::of(&plans, &resources);
         let mut sanitizer = Sanitizer::new(&plans, &levels).with_resources(&resources);

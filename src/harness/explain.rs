@@ -42,7 +42,7 @@ pub(super) struct Explanation {
 }
 
 pub(super) enum What {
-    /// A ray; it is traced again, on a copy of the resources as they are then.
+    /// A ray; it is traced again, on a copy of the resources that it was given.
     Ray { tlas: Arc<Tlas>, operands: RayOperands, resources: Resources },
     /// A single shader: its events, and what answered its calls.
     Shader { events: Vec<Event>, calls: Vec<String>, memory: DeviceMemory },
@@ -63,8 +63,8 @@ impl Explanation {
     pub(super) fn text(&self) -> String {
         let (title, events, calls, memory) = match &self.what {
             What::Ray { tlas, operands, resources } => {
-                let resources = memory::copied(resources);
-                let launch = Launch { pipeline: &self.pipeline, resources: &resources };
+                let (pipeline, resources) = memory::copied_for_run(&self.pipeline, resources);
+                let launch = Launch { pipeline: &pipeline, resources: &resources };
                 let mut events: Vec<Event> = Vec::new();
                 // A trap is among the events, too.
                 let _ = launch.trace(tlas, operands.clone(), Some(&mut events));
@@ -97,8 +97,8 @@ impl Explanation {
         if runs == FollowedRuns::Only(Vec::new()) {
             return;
         }
-        let resources = memory::copied(resources);
-        let Ok(pipeline) = self.pipeline.partly_unoptimized(|_| true).map(Arc::new) else { return };
+        let (pipeline, resources) = memory::copied_for_run(&self.pipeline, resources);
+        let Ok(pipeline) = pipeline.partly_unoptimized(|_| true).map(Arc::new) else { return };
         let stepped = SteppedLaunch::<1>::of_ray(pipeline.clone(), &resources, tlas, operands.clone());
         let Ok(stepped) = stepped else { return };
         let mut debugger = Debugger::with(Box::new(stepped), pipeline, &resources);

@@ -18,7 +18,7 @@ use crate::harness::data::Bytes;
 use crate::harness::fit::check_block;
 use crate::harness::layout::{Layout, Rules};
 use crate::harness::many_seeds::ManySeeds;
-use crate::harness::memory::copied;
+use crate::harness::memory::WrittenMemory;
 use crate::harness::observe::fresh_resources;
 use crate::harness::sanitized::run_sanitized;
 use crate::harness::scene::Scene;
@@ -369,7 +369,7 @@ impl LoadedScene {
     /// Every mistake in shaders, groups and images, each at its place in the scene; the first trap.
     pub fn launch(&self) -> Result<SceneOutcome> {
         let assembled = self.assembled()?;
-        let resources = fresh_resources(&assembled.resources);
+        let resources = own_resources(&assembled);
         let stats = assembled.run::<64>(&resources, &|_| ())?;
         Ok(self.outcome(&assembled, None, stats, resources))
     }
@@ -397,7 +397,7 @@ impl LoadedScene {
             return Err(invalid("the scene has no acceleration structure".into()));
         };
         let assembled = self.assembled()?;
-        let resources = fresh_resources(&assembled.resources);
+        let resources = own_resources(&assembled);
         Ok((assembled.pipeline, Scene::of_parts(tlas.clone(), resources)))
     }
 
@@ -420,7 +420,7 @@ impl LoadedScene {
     /// `Finding` for what it denies, all in one error; else as [`LoadedScene::launch`].
     pub fn sanitize(&self) -> Result<WarningReports> {
         let assembled = self.assembled()?;
-        let resources = fresh_resources(&assembled.resources);
+        let resources = fresh_resources(&assembled);
         let run = run_sanitized(&self.scene, &assembled, &resources, &scene_levels(&self.scene.document)?)?;
         run.findings.into_warnings(run.outcome.map(|_| ()))
     }
@@ -451,7 +451,7 @@ impl LoadedScene {
             levels: scene_levels(&self.scene.document)?,
             ..ManySeeds::default()
         };
-        let outcome = assembled.run::<64>(&fresh_resources(&assembled.resources), &|_| ());
+        let outcome = assembled.run::<64>(&fresh_resources(&assembled), &|_| ());
         drawn.run(&self.scene, &assembled)?.into_warnings(outcome.map(|_| ()))
     }
 
@@ -463,7 +463,7 @@ impl LoadedScene {
     pub fn launch_pass(&self, pass: &str) -> Result<SceneOutcome> {
         let assembled = self.assembled()?;
         let number = assembled.pass_number(pass)?;
-        let resources = fresh_resources(&assembled.resources);
+        let resources = own_resources(&assembled);
         let stats = assembled.run_pass::<64>(&assembled.passes[number], &resources, &|_| ())?;
         Ok(self.outcome(&assembled, Some(number), stats, resources))
     }
@@ -475,15 +475,17 @@ impl LoadedScene {
     /// As [`LoadedScene::launch`].
     pub fn launch_each(&self) -> Result<Vec<SceneOutcome>> {
         let assembled = self.assembled()?;
-        let resources = fresh_resources(&assembled.resources);
+        let mut resources = own_resources(&assembled);
         let mut outcomes = Vec::new();
         for (number, pass) in assembled.passes.iter().enumerate() {
+            if number > 0 {
+                let found = assembled.pass_resources(pass, &resources);
+                let written = WrittenMemory::of(assembled.pass_programs(pass), &found);
+                resources = written.copied(&resources);
+            }
             let stats = assembled.run_pass::<64>(pass, &resources, &|_| ());
             let stats = stats.map_err(|error| assembled.in_pass(number, error))?;
-            let printed = resources.printed.as_ref().map_or_else(Vec::new, |printed| printed.take());
-            let mut outcome = self.outcome(&assembled, Some(number), stats, copied(&resources));
-            outcome.printed = printed;
-            outcomes.push(outcome);
+            outcomes.push(self.outcome(&assembled, Some(number), stats, resources.clone()));
         }
         Ok(outcomes)
     }
@@ -536,6 +538,11 @@ impl LoadedScene {
         let (transcript, _) = Session::new(self.scene.clone())?.run(&request.into())?;
         Ok(render::text(&transcript, RenderOptions { summary: true, ..RenderOptions::default() }))
     }
+}
+
+/// The resources of a scene that was assembled for one run; they collect what shaders print.
+fn own_resources(assembled: &Assembled) -> Resources {
+    Resources { printed: Some(Arc::default()), ..assembled.resources.clone() }
 }
 
 impl Change {

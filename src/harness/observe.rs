@@ -4,17 +4,20 @@ use std::sync::Arc;
 
 use crate::harness::expect::{Bytes, Observed, RayFound};
 use crate::harness::layout::{Layout, Rules};
-use crate::harness::memory;
+use crate::harness::memory::WrittenMemory;
 use crate::harness::value::Value;
 use crate::machine::{Binding, Descriptor, Printed, Resources, ShaderIndex};
 use crate::ops::pointer::storage;
 use crate::pipeline::{Event, Pipeline};
 use crate::program::Program;
-use crate::scene::ResolvedScene;
+use crate::scene::{Assembled, ResolvedScene};
 
-/// A copy of resources that collects what shaders print.
-pub(super) fn fresh_resources(resources: &Resources) -> Resources {
-    Resources { printed: Some(Arc::<Printed>::default()), ..memory::copied(resources) }
+/// A copy of a scene's resources for runs of its passes and rays, that collects what shaders print:
+/// what no shader of the scene can write is shared.
+pub(super) fn fresh_resources(assembled: &Assembled) -> Resources {
+    let resources = &assembled.resources;
+    let written = WrittenMemory::of_scene(assembled, resources);
+    Resources { printed: Some(Arc::<Printed>::default()), ..written.copied(resources) }
 }
 
 /// Reads buffers, images and printed lines.

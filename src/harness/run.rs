@@ -83,7 +83,7 @@ fn launch(
     assembled: &Assembled,
     run: impl FnOnce(&Resources) -> Result<Stats>,
 ) -> Observed {
-    let resources = fresh_resources(&assembled.resources);
+    let resources = fresh_resources(assembled);
     let mut observed = Observed::default();
     if !assembled.passes.is_empty() {
         match run(&resources) {
@@ -101,7 +101,7 @@ fn launch(
 /// The trap of the first invocation that traps, and `UnsupportedModule` where invocations cannot
 /// run by themselves.
 pub fn costs(assembled: &Assembled) -> Result<Costs> {
-    let resources = fresh_resources(&assembled.resources);
+    let resources = fresh_resources(assembled);
     let last = assembled.passes.iter().rposition(|pass| pass.launch().is_some());
     let mut sum = Costs::default();
     for pass in &assembled.passes[..last.map_or(0, |last| last + 1)] {
@@ -159,7 +159,7 @@ pub fn run_ray(
     measurements: &mut RayMeasurements<'_>,
 ) -> Observed {
     let entry = &scene.rays[at];
-    let resources = fresh_resources(&assembled.resources);
+    let resources = fresh_resources(assembled);
     let mut observed = Observed::default();
     let outcome = single_ray(scene, assembled, entry, &resources, measurements, &mut observed);
     match outcome {

@@ -17,6 +17,10 @@ pub use crate::harness::instance::Instance;
 
 /// Instances in an acceleration structure, and what the shaders have bound.
 ///
+/// A scene is a value: launches and rays read it, and what shaders write is in their outcomes.
+/// [`Pipeline::launch_mut`](crate::Pipeline::launch_mut) and
+/// [`Pipeline::trace_mut`](crate::Pipeline::trace_mut) write to the scene, never to its clones.
+///
 /// ```
 /// use anyhit::{Instance, Module, Pipeline, Program, Ray, Scene};
 ///
@@ -98,6 +102,11 @@ impl Scene {
     #[doc(hidden)]
     pub fn resources(&self) -> &Resources {
         &self.given.resources
+    }
+
+    /// Keeps what a run left behind, for the next one.
+    pub(super) fn keep(&mut self, left: &Resources) {
+        self.given.resources = Resources { printed: Some(Arc::default()), ..left.clone() };
     }
 
     /// `InstanceCustomIndexKHR` of an instance.

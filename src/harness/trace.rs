@@ -15,10 +15,12 @@ use crate::harness::data::{Bytes, TypedBytes};
 use crate::harness::explain::{Explain, Explanation, What};
 use crate::harness::image_views;
 use crate::harness::layout::{Layout, Rules};
+use crate::harness::memory;
 use crate::harness::rust_layout::RustLayout;
 use crate::harness::scene::Scene;
 use crate::harness::typed::record_roots;
 use crate::harness::value::Value;
+use crate::machine::Resources;
 use crate::machine::printed::PrintedLine;
 use crate::ops::pointer::storage;
 use crate::ops::translate::InterfaceRegisters;
@@ -204,8 +206,10 @@ pub struct Launched {
 reads_what_is_bound!(Launched);
 
 impl Pipeline {
-    /// Runs the ray generation shader over a grid of (width, height, depth). Buffers and images are
-    /// those of the scene: what shaders write is seen there afterwards, and in what is returned.
+    /// Runs the ray generation shader over a grid of (width, height, depth). What shaders write is in
+    /// what is returned; the scene stays as it is, so that it can be launched again, by several
+    /// threads at once, too. Buffers and images that no shader can write are not copied.
+    /// [`Pipeline::launch_mut`] writes to the scene.
     ///
     /// ```
     /// use anyhit::{Module, Pipeline, Program, Scene};
@@ -232,9 +236,39 @@ impl Pipeline {
     /// and for a buffer whose size is not the shaders', with both layouts.
     pub fn launch(&self, scene: &Scene, size: [u32; 3]) -> Result<Launched> {
         self.check_launch(scene, size)?;
-        let launch = Launch { pipeline: self, resources: scene.resources() };
-        let stats = launch.run::<64>(size, &|_| ())?;
-        Ok(self.launched(scene, stats))
+        let (pipeline, resources) = memory::copied_for_run(self, scene.resources());
+        let stats = Launch { pipeline: &pipeline, resources: &resources }.run::<64>(size, &|_| ())?;
+        Ok(pipeline.launched(resources, stats))
+    }
+
+    /// Runs the ray generation shader as [`Pipeline::launch`] does, and leaves in the scene what
+    /// shaders write: the next launch finds it. Clones of the scene, and outcomes of earlier
+    /// launches, stay as they are.
+    ///
+    /// ```
+    /// use anyhit::{Module, Pipeline, Program, Scene};
+    ///
+    /// # fn main() -> anyhit::Result<()> {
+    /// // Each invocation adds its index, counted from 1, to its number.
+    /// let module = Module::open("spirv-fixtures/pass/harness/conversions/accumulate.rgen.spv")?;
+    /// let pipeline = Pipeline::builder().ray_generation(Program::of(&module, "main")?)?.build()?;
+    /// # let picture = anyhit::Image::plane(anyhit::Format::new(anyhit::Component::Uint32, 1), 2, 1)?;
+    /// let mut scene = Scene::new([])?.buffer(0, 0, &[10u32, 20]).image(0, 1, picture);
+    ///
+    /// let first = pipeline.launch_mut(&mut scene, [2, 1, 1])?;
+    /// pipeline.launch_mut(&mut scene, [2, 1, 1])?;
+    /// assert_eq!(scene.read_buffer::<u32>(0, 0)?, [12, 24]);
+    /// assert_eq!(first.read_buffer::<u32>(0, 0)?, [11, 22]);
+    /// # Ok(())
+    /// # }
+    /// ```
+    ///
+    /// # Errors
+    /// As [`Pipeline::launch`]; the scene stays as it was then.
+    pub fn launch_mut(&self, scene: &mut Scene, size: [u32; 3]) -> Result<Launched> {
+        let launched = self.launch(scene, size)?;
+        scene.keep(&launched.bound.resources);
+        Ok(launched)
     }
 
     /// Runs the ray generation shader over a grid of (width, height), and hands out the image that
@@ -259,23 +293,56 @@ impl Pipeline {
         self.check_launch(scene, [width, height, 1])?;
         let format = |program: &Arc<Program>| image_views::check_format(program, image.binding, image.format);
         self.programs.iter().try_for_each(format)?;
-        let resources = scene.resources();
-        let launch = Launch { pipeline: self, resources };
+        let (pipeline, resources) = memory::copied_for_run(self, scene.resources());
+        let launch = Launch { pipeline: &pipeline, resources: &resources };
         let bands = launch
             .bands([width, height, 1], image)
             .map_err(|why| BandedLaunch::cannot_stream(image, &why))?;
         let stats = bands.run::<64>(&|_| (), take)?;
-        Ok(self.launched(scene, stats))
+        Ok(pipeline.launched(resources, stats))
     }
 
-    /// Traces one ray through a scene, without a ray generation shader. Buffers are those of the
-    /// scene: what shaders write is seen there afterwards.
+    /// Traces one ray through a scene, without a ray generation shader. What shaders write is in
+    /// what is returned; the scene stays as it is. [`Pipeline::trace_mut`] writes to the scene.
     ///
     /// # Errors
     /// `Trap` where a shader misbehaves; `InvalidArgument` for a payload or a buffer whose size
     /// fits no shader, with both layouts, and for a ray that breaks a rule, with its VUID.
     pub fn trace(&self, scene: &Scene, ray: impl Into<RayOperands>) -> Result<Traced> {
         self.trace_observed(scene, ray.into(), None)
+    }
+
+    /// Traces one ray as [`Pipeline::trace`] does, and leaves in the scene what shaders write: the
+    /// next ray finds it.
+    ///
+    /// # Errors
+    /// As [`Pipeline::trace`]; the scene stays as it was then.
+    pub fn trace_mut(&self, scene: &mut Scene, ray: impl Into<RayOperands>) -> Result<Traced> {
+        let traced = self.trace(scene, ray)?;
+        scene.keep(&traced.bound.resources);
+        Ok(traced)
+    }
+
+    /// The pipeline and a scene whose memory [`Pipeline::trace_in_place`] may write: copies of what
+    /// shaders may write, the rest shared.
+    #[doc(hidden)]
+    #[must_use]
+    pub fn copied_for_run(&self, scene: &Scene) -> (Self, Scene) {
+        let (pipeline, resources) = memory::copied_for_run(self, scene.resources());
+        let mut scene = scene.clone();
+        scene.keep(&resources);
+        (pipeline.into_owned(), scene)
+    }
+
+    /// Traces one ray as [`Pipeline::trace`] does, in the memory of the scene, whose clones and
+    /// outcomes change with it: for many rays, on what [`Pipeline::copied_for_run`] returns.
+    ///
+    /// # Errors
+    /// As [`Pipeline::trace`].
+    #[doc(hidden)]
+    pub fn trace_in_place(&self, scene: &Scene, ray: impl Into<RayOperands>) -> Result<Traced> {
+        let operands = self.checked_operands(scene, ray.into())?;
+        self.trace_on(scene, scene.resources().clone(), operands, None)
     }
 
     /// Traces one ray as [`Pipeline::trace`] does, and returns the events that explain it.
@@ -296,17 +363,28 @@ impl Pipeline {
     fn trace_observed(
         &self,
         scene: &Scene,
-        mut operands: RayOperands,
+        operands: RayOperands,
         pipeline_observer: Option<&mut dyn PipelineObserver>,
     ) -> Result<Traced> {
-        let payload = self.programs.iter().filter_map(|program| {
+        let operands = self.checked_operands(scene, operands)?;
+        let (pipeline, resources) = memory::copied_for_run(self, scene.resources());
+        pipeline.trace_on(scene, resources, operands, pipeline_observer)
+    }
+
+    /// The largest payload that a shader declares, and that shader.
+    fn largest_payload(&self) -> Option<(&Arc<Program>, &InterfaceRegisters)> {
+        let payloads = self.programs.iter().filter_map(|program| {
             Some((program, program.interface_registers(storage::INCOMING_RAY_PAYLOAD)?))
         });
-        let largest = payload.max_by_key(|(_, registers)| registers.count);
+        payloads.max_by_key(|(_, registers)| registers.count)
+    }
+
+    /// Checks a ray's payload and the scene; a payload that is not given is zeros.
+    fn checked_operands(&self, scene: &Scene, mut operands: RayOperands) -> Result<RayOperands> {
         let words = self.payload_words();
         if operands.payload.is_empty() {
             operands.payload = vec![0; words];
-        } else if let Some((program, registers)) = largest
+        } else if let Some((program, registers)) = self.largest_payload()
             && operands.payload.len() != words
         {
             let given = RustLayout::untold("the payload given".into(), operands.payload.len() * 4);
@@ -317,14 +395,25 @@ impl Pipeline {
                 .note("combine the constants of `RayFlags`: `RayFlags::OPAQUE | RayFlags::SKIP_AABBS`")
         })?;
         self.check(scene)?;
-        let resources = scene.resources();
-        let launch = Launch { pipeline: self, resources };
+        Ok(operands)
+    }
+
+    /// Traces a ray on resources, which it may write.
+    fn trace_on(
+        &self,
+        scene: &Scene,
+        resources: Resources,
+        operands: RayOperands,
+        pipeline_observer: Option<&mut dyn PipelineObserver>,
+    ) -> Result<Traced> {
+        let launch = Launch { pipeline: self, resources: &resources };
         let outcome = launch.trace(scene.tlas(), operands.clone(), pipeline_observer)?;
-        let data = largest.map(|(program, registers)| {
+        let data = self.largest_payload().map(|(program, registers)| {
             let words = outcome.payload.iter().copied();
             TypedBytes::new(&program.module, registers.ty, "the payload", words)
         });
-        let what = What::Ray { tlas: scene.tlas().clone(), operands, resources: resources.clone() };
+        let given = scene.resources().clone();
+        let what = What::Ray { tlas: scene.tlas().clone(), operands, resources: given };
         let explanation = Arc::new(Explanation { pipeline: self.clone(), what });
         let mut payload = data.as_ref().map_or_else(Value::nothing, TypedBytes::value);
         payload.explained_by(&explanation);
@@ -337,7 +426,7 @@ impl Pipeline {
             printed: printed.into_iter().map(|line| line.text).collect(),
             custom_index,
             data,
-            bound: self.bound(scene),
+            bound: self.bound(resources),
             explanation,
         })
     }
@@ -350,9 +439,9 @@ impl Pipeline {
         self.check(scene)
     }
 
-    fn launched(&self, scene: &Scene, stats: Stats) -> Launched {
-        let printed = scene.resources().printed.as_ref().map_or_else(Vec::new, |printed| printed.take());
-        Launched { stats, printed, bound: self.bound(scene) }
+    fn launched(&self, resources: Resources, stats: Stats) -> Launched {
+        let printed = resources.printed.as_ref().map_or_else(Vec::new, |printed| printed.take());
+        Launched { stats, printed, bound: self.bound(resources) }
     }
 
     /// Checks the pipeline's parts, and compares what the scene's buffers were made from with what
@@ -362,8 +451,8 @@ impl Pipeline {
         self.programs.iter().try_for_each(|program| scene.given.check(program))
     }
 
-    fn bound(&self, scene: &Scene) -> Bound {
-        let (programs, resources) = (self.programs.clone(), scene.resources().clone());
+    fn bound(&self, resources: Resources) -> Bound {
+        let programs = self.programs.clone();
         Bound { programs, resources, roots: record_roots(self), readers: SortedMap::new() }
     }
 }

@@ -215,6 +215,11 @@ impl DeviceMemory {
         self.allocations.iter().filter_map(|one| Some((one.name.as_ref()?, one.buffer()?)))
     }
 
+    /// All buffers.
+    pub fn buffers(&self) -> impl Iterator<Item = &Arc<Buffer>> {
+        self.allocations.iter().filter_map(Allocation::buffer)
+    }
+
     /// The buffer in whose regions an address lies, and the offset there, which may be beyond the
     /// buffer's end.
     #[inline]

@@ -82,11 +82,25 @@ impl ImageWords {
         }
     }
 
-    /// A copy of them.
+    /// A copy of them. Of words that were filled with zeros only the blocks that were stored to are
+    /// touched.
     pub(super) fn copied(&self) -> Self {
+        if let Some(copy) = self.zeros_copied() {
+            return copy;
+        }
         let words = self.words.iter().map(|word| AtomicU64::new(word.load(Relaxed))).collect();
         let stored = self.stored.iter().map(|stored| AtomicBool::new(stored.load(Relaxed))).collect();
         Self { words, fill: self.fill, stored }
+    }
+
+    /// [`ImageWords::copied`] of words that were filled with zeros.
+    fn zeros_copied(&self) -> Option<Self> {
+        let mut copy = Self::filled(self.words.len(), self.fill.filter(|fill| *fill == [0; 2])?)?;
+        for block in (0..self.stored.len()).filter(|&block| !self.is_as_filled(block)) {
+            *copy.stored[block].get_mut() = true;
+            self.words_of(block).for_each(|at| *copy.words[at].get_mut() = self.load(at));
+        }
+        Some(copy)
     }
 
     /// What they hold now, as texels of a format.
@@ -183,6 +197,14 @@ mod tests {
                 words.store(count - 1, fill[(count - 1) % 2]);
                 assert_eq!(starts(words.unlike(&after)), [3 * BLOCK_WORDS]);
                 assert_eq!(words.unlike(&before).count(), 0);
+                // A copy has the words, and stays as they were.
+                words.store(BLOCK_WORDS + 1, 3);
+                let copy = words.copied();
+                words.store(0, 4);
+                wanted[count - 1] -= 1;
+                wanted[BLOCK_WORDS + 1] = 3;
+                assert_eq!(all(count, &copy.state(Format::RGBA32F)), wanted);
+                assert_eq!(starts(copy.unlike(&before)), [BLOCK_WORDS]);
             }
         }
     }

@@ -61,7 +61,7 @@ fn request(loaded: &Loaded, number: usize, id: [u32; 3]) -> ExplainRequest {
 
 /// The pass that traps.
 fn trapped_pass(loaded: &Loaded) -> Option<usize> {
-    let resources = fresh_resources(&loaded.assembled.resources);
+    let resources = fresh_resources(&loaded.assembled);
     let passes = &loaded.assembled.passes;
     passes.iter().position(|pass| loaded.assembled.run_pass::<64>(pass, &resources, &|_| ()).is_err())
 }

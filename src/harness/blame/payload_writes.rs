@@ -20,7 +20,7 @@ use crate::scene::file::RayEntry;
 /// Finds who wrote a word of the payload of a ray; of an invocation of ray generation, that of its
 /// first ray.
 pub(super) fn blame(loaded: &Loaded, ray: &RayEntry, word: u32) -> Option<Blame> {
-    let resources = fresh_resources(&loaded.assembled.resources);
+    let resources = fresh_resources(&loaded.assembled);
     let single = loaded.assembled.single_launch(ray.pass().map(|key| key.value.0.as_str())).ok()?;
     single.run_before(&resources).ok()?;
     let resources = single.resources(&resources);

@@ -36,7 +36,7 @@ const LINES: usize = 6;
 /// Finds who wrote what a subject is about: in the launches and dispatches of the scene, or in one
 /// ray.
 pub(super) fn blame(loaded: &Loaded, subject: &Subject, ray: Option<usize>) -> Option<Blame> {
-    let resources = fresh_resources(&loaded.assembled.resources);
+    let resources = fresh_resources(&loaded.assembled);
     let target = Target::of(subject, &resources)?;
     let mut search = Search::new(loaded, subject, &target);
     match ray {

@@ -231,7 +231,7 @@ impl<'a> Runs<'a> {
 
     /// Runs all passes on a copy of the resources.
     fn run(&self, drawing: Option<&Drawing>) -> Result<Observed> {
-        let resources = fresh_resources(&self.assembled.resources);
+        let resources = fresh_resources(self.assembled);
         if let Some(which) = self.which {
             return self.run_one(which, &resources, drawing);
         }

@@ -8,6 +8,7 @@ use crate::debug::debugger::Debugger;
 use crate::debug::debugger::debuggee::{Debuggee, SavedState, StoppedShader, builtin_words, next_step};
 use crate::debug::debugger::tracker::{Followed, Tracker};
 use crate::error::{Error, Result};
+use crate::harness::memory;
 use crate::harness::shader_test::{RunningTest, ShaderTest};
 use crate::interp;
 use crate::machine::hit_object::HitObject;
@@ -41,7 +42,7 @@ impl ShaderTest {
     /// [`ShaderTest::run`] in what the test gives. A trap is part of the transcript.
     pub fn debug(&self, commands: &str) -> Result<String> {
         let test = Self { program: Arc::new(self.program.unoptimized()?), ..self.clone() };
-        let resources = test.resources()?;
+        let resources = memory::copied(&test.given_resources()?);
         let bindings = resources.bindings(test.program.bindings());
         let (state, pipeline) = (State::Begins(Box::new(test.begin(&mut ())?)), Arc::new(test.pipeline()));
         let debuggee = SteppedTest { test, bindings, state };

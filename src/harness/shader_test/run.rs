@@ -7,7 +7,7 @@ use crate::error::{Error, Result, Trap};
 use crate::harness::bound::Bound;
 use crate::harness::data::TypedBytes;
 use crate::harness::explain::{Explanation, What};
-use crate::harness::memory;
+use crate::harness::memory::WrittenMemory;
 use crate::harness::mock::answered;
 use crate::harness::shader_outcome::ShaderOutcome;
 use crate::harness::shader_test::{RunningTest, ShaderTest};
@@ -24,7 +24,8 @@ use crate::sanitize::{Levels, ProgramPlan, Sanitizer, WarningReports};
 use crate::sorted::SortedMap;
 
 impl ShaderTest {
-    /// Runs the shader once. Buffers and images are copied first: a test can be run again.
+    /// Runs the shader once. What it writes is in the outcome; the test stays as it is, so that it
+    /// can be run again. Buffers and images that the shader cannot write are not copied.
     ///
     /// # Errors
     /// `Trap` where the shader misbehaves, with its source line; `InvalidArgument` for a builtin or
@@ -65,7 +66,8 @@ impl ShaderTest {
     }
 
     fn run_observed<O: Observer<1>>(&self, observer: &mut O) -> Result<ShaderOutcome> {
-        let resources = self.resources()?;
+        let given = self.given_resources()?;
+        let resources = WrittenMemory::of([&self.program], &given).copied(&given);
         let program = &*self.program;
         let bindings = resources.bindings(program.bindings());
         let mut running = self.begin(observer)?;
@@ -102,14 +104,14 @@ impl ShaderTest {
         Ok(self.outcome(running, resources))
     }
 
-    /// Copies of what the shader is bound to.
-    pub(super) fn resources(&self) -> Result<Resources> {
+    /// What the shader is bound to.
+    pub(super) fn given_resources(&self) -> Result<Resources> {
         if let Some(mistake) = &self.mistake {
             return Err(mistake.clone());
         }
         self.check_builtins()?;
         self.given.check(&self.program)?;
-        let mut resources = memory::copied(&self.given.resources);
+        let mut resources = self.given.resources.clone();
         if let Some(record) = &self.object_record {
             resources.memory.add_buffer(record);
         }

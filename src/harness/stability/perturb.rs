@@ -39,7 +39,7 @@ pub fn perturb(
 ) -> Result<Instability> {
     let context = PerturbContext::new(scene, assembled, perturbation);
     let run = |number: u32, reference: Option<&DecisionLog>| {
-        let resources = fresh_resources(&assembled.resources);
+        let resources = fresh_resources(assembled);
         let mut seen = RunDecisions::default();
         let new = || Perturber::new(&context, number, reference);
         let outcome =
@@ -63,7 +63,7 @@ pub fn perturb_one(
 ) -> Result<Instability> {
     let context = PerturbContext::new(scene, assembled, perturbation);
     let run = |number: u32, reference: Option<&DecisionLog>| {
-        let resources = fresh_resources(&assembled.resources);
+        let resources = fresh_resources(assembled);
         let (mut seen, mut events) = (RunDecisions::default(), Vec::new());
         let perturber = Perturber::new(&context, number, reference);
         let mut event = |event: Event| events.push(event);
@@ -93,7 +93,7 @@ fn compare_runs(
     run: &Run<'_>,
 ) -> Result<Instability> {
     let mut before = Observed::default();
-    read_resources(scene, &fresh_resources(&assembled.resources), &mut before);
+    read_resources(scene, &fresh_resources(assembled), &mut before);
     let (reference, decisions, outcome) = run(0, None);
     outcome?;
     let mut comparison = OutputComparison::new(assembled, &reference, context.perturbation.tolerance);

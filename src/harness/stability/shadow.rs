@@ -22,7 +22,7 @@ use crate::scene::{Assembled, ResolvedScene};
 /// `UnsupportedModule` where invocations cannot run one by one.
 pub fn shadow(scene: &ResolvedScene, assembled: &Assembled) -> Result<(ShadowFindings, Option<Error>)> {
     let context = ShadowContext::new(scene, assembled);
-    let resources = fresh_resources(&assembled.resources);
+    let resources = fresh_resources(assembled);
     let mut sum = ShadowFindings::default();
     let outcome = probe::run(
         assembled,
@@ -51,7 +51,7 @@ pub fn texel_errors(
     size: [u32; 3],
 ) -> Result<Vec<f64>> {
     let context = ShadowContext::new(scene, assembled);
-    let resources = fresh_resources(&assembled.resources);
+    let resources = fresh_resources(assembled);
     let [width, height, depth] = size.map(|side| side as usize);
     let mut errors = vec![0.0_f64; width * height * depth];
     probe::run(
@@ -80,7 +80,7 @@ pub fn shadow_one(
     which: &ResolvedRequest,
 ) -> Result<(ShadowFindings, Option<Error>)> {
     let context = ShadowContext::new(scene, assembled);
-    let resources = fresh_resources(&assembled.resources);
+    let resources = fresh_resources(assembled);
     let interpreter = ShadowInterpreter::new(&context);
     let (interpreter, outcome) =
         probe::run_one(scene, assembled, &resources, which, interpreter, &mut |_| ())?;

@@ -81,7 +81,7 @@ impl Tester<'_> {
     pub(super) fn sanitized(&self, levels: &Levels) -> Result<SanitizedRun> {
         let (scene, assembled) = (&self.loaded.scene, &self.loaded.assembled);
         let levels = &scene_levels(&scene.document)?.overridden_by(levels);
-        let resources = fresh_resources(&assembled.resources);
+        let resources = fresh_resources(assembled);
         match self.part() {
             None => run_sanitized(scene, assembled, &resources, levels),
             Some(at) => {
