@@ -4,6 +4,8 @@
 
 use std::sync::Arc;
 
+#[cfg(feature = "glsl")]
+use anyhit::SbtRecord;
 use anyhit::{
     Buffer, Component, ComputeTest, Descriptor, ErrorKind, Explain, Format, Image, ImageShape, Instance,
     LoadedScene, Module, Pipeline, PrintedLine, Program, Ray, Result, Sampler, Scene, ShaderTest,
@@ -104,11 +106,11 @@ fn threads_launch_on_one_scene_at_once() -> Result<()> {
     })
 }
 
-/// Two of the case's five pixels print a line: those that see several leaves.
+/// Pixels of the case that see several leaves print a line.
 #[test]
 fn threads_have_their_own_printed_lines() -> Result<()> {
     let (pipeline, scene) = LoadedScene::open("shaders/pass/testing/leaves/scene.toml")?.pipeline()?;
-    let launch = || pipeline.launch(&scene, [5, 1, 1]);
+    let launch = || pipeline.launch(&scene, [3, 1, 1]);
     let texts = |lines: &[PrintedLine]| lines.iter().map(|line| line.text.clone()).collect::<Vec<_>>();
     let alone = texts(&launch()?.printed);
     assert!(!alone.is_empty());
@@ -268,8 +270,50 @@ fn a_ray_leaves_the_scene_unless_it_is_told_to_write() -> Result<()> {
     // The explanation is of the ray as it was, whatever was traced since.
     let text = second.explain();
     pipeline.trace_mut(&mut scene, down())?;
-    assert!(text.contains("2"), "{text}");
+    assert!(text.contains("payload after the ray  uint 2"), "{text}");
     assert_eq!(second.explain(), text);
+    Ok(())
+}
+
+/// A shader record that has a device address may be written like a buffer that has one.
+#[cfg(feature = "glsl")]
+#[test]
+fn a_launch_leaves_the_records_of_its_pipeline() -> Result<()> {
+    const SOURCE: &str = "
+        #version 460
+        #extension GL_EXT_ray_tracing : require
+        #extension GL_NV_shader_invocation_reorder : require
+        #extension GL_EXT_buffer_reference : require
+        #extension GL_EXT_buffer_reference_uvec2 : require
+        layout(set = 0, binding = 0) uniform accelerationStructureEXT scene;
+        layout(set = 0, binding = 1, std430) buffer Found { uint found; };
+        layout(location = 0) rayPayloadEXT vec4 payload;
+        layout(buffer_reference, std430) buffer Record { uint count; };
+        void main() {
+            hitObjectNV object;
+            hitObjectTraceRayNV(object, scene, 0u, 0xFFu, 0u, 0u, 0u, vec3(0.0, 0.0, 1.0), 0.0, vec3(0.0, 0.0, -1.0), 9.0, 0);
+            Record record = Record(hitObjectGetShaderRecordBufferHandleNV(object));
+            record.count += 1u;
+            found = record.count;
+        }";
+    let module = Module::from_source("records.rgen", SOURCE.trim_start())?;
+    let mut builder = Pipeline::builder().ray_generation(Program::of(&module, "main")?)?.hit([])?;
+    let group = builder.sbt().hit[0].as_ref().expect("the record of the hit group").group;
+    builder.sbt().hit[0] = Some(SbtRecord::with_data(group, &5u32.to_le_bytes()));
+    let pipeline = builder.build()?;
+    let triangle = Instance::triangle(TRIANGLE).opaque();
+    let scene = Scene::new([triangle.clone()])?.bind(0, 0).buffer(0, 1, &[0u32]);
+    for _ in 0..2 {
+        assert_eq!(pipeline.launch(&scene, [1, 1, 1])?.read_buffer::<u32>(0, 1)?, [6]);
+    }
+    let test = ShaderTest::new(&module, "main")?.buffer(0, 1, &[0u32]).hit_object_record(&8u32);
+    let test = test.on_trace(move |trace| {
+        trace.hit(triangle.clone());
+        Ok(())
+    });
+    for _ in 0..2 {
+        assert_eq!(test.run()?.read_buffer::<u32>(0, 1)?, [9]);
+    }
     Ok(())
 }
 

@@ -87,7 +87,7 @@ impl SteppedTest {
                 }
                 stop => {
                     observer.stopped(ShaderIndex(0), &running.batch);
-                    self.test.serve(running, stop, &self.bindings.memory)?;
+                    self.test.serve(running, stop)?;
                 }
             }
         }

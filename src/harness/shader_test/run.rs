@@ -86,7 +86,7 @@ impl ShaderTest {
             if let Stop::Done = stop {
                 break;
             }
-            self.serve(&mut running, stop, &bindings.memory)?;
+            self.serve(&mut running, stop)?;
         }
         if let Some(error) = self.trap(&running.batch) {
             return Err(error);

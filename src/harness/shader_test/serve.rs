@@ -6,7 +6,6 @@ use crate::harness::data::TypedBytes;
 use crate::harness::mock::{CallableCall, ExecuteCall, TraceCall};
 use crate::harness::shader_outcome::ReportedHit;
 use crate::harness::shader_test::{RunningTest, ShaderTest, invalid};
-use crate::machine::device_memory::DeviceMemory;
 use crate::machine::hit_object::HitObject;
 use crate::machine::object::ObjectRef;
 use crate::machine::stop::{RegSpan, Stop};
@@ -18,12 +17,7 @@ use crate::pipeline::{Event, trace_operands};
 
 impl ShaderTest {
     /// Serves what the shader stopped at, if it is anything that a test answers.
-    pub(super) fn serve(
-        &self,
-        running: &mut RunningTest,
-        stop: Stop<1>,
-        memory: &DeviceMemory,
-    ) -> Result<()> {
+    pub(super) fn serve(&self, running: &mut RunningTest, stop: Stop<1>) -> Result<()> {
         let RunningTest { batch, events, traces, executes, calls, reports } = running;
         let answered = match stop {
             Stop::Done | Stop::Paused => None,
@@ -55,7 +49,7 @@ impl ShaderTest {
                 Some(payload)
             }
             Stop::HitObjectRecordHandle { object, to, .. } => {
-                self.record_handle(batch, object, to, memory)?;
+                self.record_handle(batch, object, to)?;
                 None
             }
         };
@@ -153,13 +147,7 @@ impl ShaderTest {
     }
 
     /// Serves the question for the handle of a hit object's shader record.
-    fn record_handle(
-        &self,
-        batch: &mut Batch<1>,
-        object: ObjectRef,
-        to: Reg,
-        memory: &DeviceMemory,
-    ) -> Result<()> {
+    fn record_handle(&self, batch: &mut Batch<1>, object: ObjectRef, to: Reg) -> Result<()> {
         if let Err(code) = held(batch, object).and_then(|found| found.encoded().map(|_| ())) {
             let op = batch.stopped_at();
             batch.trap(Mask::ALL, code, op);
@@ -170,7 +158,8 @@ impl ShaderTest {
             let error = invalid(format!("{stage} `{name}` asks for the shader record of a hit object"));
             return Err(error.note("give it: `.hit_object_record(&data)`"));
         };
-        let address = memory.address_of(record).unwrap_or(0);
+        // Where a run puts it, too.
+        let address = self.given.resources.memory.clone().add_buffer(record);
         batch.registers.set_lane_words(to, 0, [address as u32, (address >> 32) as u32]);
         Ok(())
     }
