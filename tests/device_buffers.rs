@@ -70,7 +70,7 @@ fn a_pipeline_follows_pointers_of_push_constants_and_records() -> Result<()> {
     // What was given is as it was, unless the ray is to write to it.
     assert_eq!(scene.read_buffer_at::<f32>(instances + 12)?, [0.0]);
     let (mut written, before) = (scene.clone(), scene);
-    pipeline.trace_mut(&mut written, Ray::new([0.0, 0.0, 4.0], [0.0, 0.0, -1.0]))?;
+    let _ = pipeline.trace_mut(&mut written, Ray::new([0.0, 0.0, 4.0], [0.0, 0.0, -1.0]))?;
     let fresh = Scene::new([])?.device_buffers(&buffers);
     for (scene, t) in [(written, 4.0), (before, 0.0), (fresh, 0.0)] {
         assert_eq!(scene.read_buffer_at::<f32>(instances + 12)?, [t]);

@@ -134,7 +134,7 @@ fn a_trap_changes_nothing() -> Result<()> {
         assert_eq!(error.expect_err("a trap").kind(), ErrorKind::Trap);
         assert_eq!(scene.read_buffer::<f32>(0, 1)?, [-1.0; 6]);
     }
-    pipeline.launch_mut(&mut scene, [2, 1, 1])?;
+    let _ = pipeline.launch_mut(&mut scene, [2, 1, 1])?;
     assert_eq!(scene.read_buffer::<f32>(0, 1)?, [1.5, 2.5, -1.0, -1.0, -1.0, -1.0]);
     Ok(())
 }
@@ -173,7 +173,7 @@ fn views_of_one_buffer_see_each_others_writes() -> Result<()> {
     assert_eq!(outcome.read_buffer::<u32>(0, 1)?, [7, 8, 4]);
     assert_eq!(outcome.read_buffer::<u32>(0, 3)?, [1, 7, 8, 4]);
     assert_eq!(scene.read_buffer::<u32>(0, 3)?, [1, 2, 3, 4]);
-    pipeline.launch_mut(&mut scene, [1, 1, 1])?;
+    let _ = pipeline.launch_mut(&mut scene, [1, 1, 1])?;
     assert_eq!(scene.read_buffer::<u32>(0, 1)?, [7, 3, 4]);
     assert_eq!(arena.bytes(), bytemuck::cast_slice::<u32, u8>(&[1, 2, 3, 4]));
     Ok(())
@@ -269,7 +269,7 @@ fn a_ray_leaves_the_scene_unless_it_is_told_to_write() -> Result<()> {
     assert_eq!((second.payload.u32(), scene.read_buffer::<u32>(0, 0)?), (2, vec![2]));
     // The explanation is of the ray as it was, whatever was traced since.
     let text = second.explain();
-    pipeline.trace_mut(&mut scene, down())?;
+    let _ = pipeline.trace_mut(&mut scene, down())?;
     assert!(text.contains("payload after the ray  uint 2"), "{text}");
     assert_eq!(second.explain(), text);
     Ok(())
@@ -366,7 +366,7 @@ fn a_compute_test_is_run_again_and_again() -> Result<()> {
     let clone = test.clone();
     for test in [&test, &test, &clone] {
         assert_eq!(test.run()?.read_buffer::<u32>(0, 0)?, [1, 2]);
-        test.sanitize()?;
+        let _ = test.sanitize()?;
     }
     let first = test.run_mut()?;
     assert_eq!(test.run_mut()?.read_buffer::<u32>(0, 0)?, [2, 4]);

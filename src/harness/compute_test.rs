@@ -161,7 +161,7 @@ impl ComputeTest {
     /// As [`ComputeTest::run`]; the test stays as it was then.
     pub fn run_mut(&mut self) -> Result<ComputeOutcome> {
         let outcome = self.run()?;
-        self.given.resources = outcome.bound.resources.clone();
+        self.given.keep(outcome.bound.resources.clone());
         Ok(outcome)
     }
 

@@ -74,6 +74,13 @@ impl Given {
         self.push_constants = Some(given.rust);
     }
 
+    /// Keeps what a run left behind. What shaders have written is no Rust value any more.
+    pub(super) fn keep(&mut self, left: Resources) {
+        self.resources = left;
+        self.compared = Arc::default();
+        self.buffers.iter_mut().for_each(|(_, rust)| rust.forget());
+    }
+
     /// Compares what was given with what a shader declares.
     ///
     /// # Errors

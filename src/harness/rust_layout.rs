@@ -160,6 +160,11 @@ impl RustLayout {
         Self { known: Known::Block(parts), ..Self::untold(name, size) }
     }
 
+    /// Claims nothing but the size any more.
+    pub(super) fn forget(&mut self) {
+        self.known = Known::Bytes;
+    }
+
     fn of_row(scalar: HostScalar, lengths: Vec<usize>, size: usize) -> Self {
         let mut name = scalar.name.to_owned();
         for length in lengths.iter().rev() {

@@ -106,7 +106,7 @@ impl Scene {
 
     /// Keeps what a run left behind, for the next one.
     pub(super) fn keep(&mut self, left: &Resources) {
-        self.given.resources = Resources { printed: Some(Arc::default()), ..left.clone() };
+        self.given.keep(Resources { printed: Some(Arc::default()), ..left.clone() });
     }
 
     /// `InstanceCustomIndexKHR` of an instance.
