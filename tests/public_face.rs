@@ -61,7 +61,7 @@ fn every_type_is_shown_and_crosses_threads() {
         PipelineBuilder PipelineFlags Place PrintedLine Program Ray RayFlags RayOperands ReportedHit Sampler
         Sbt SbtRecord Scene SceneOutcome ShaderFrame ShaderOutcome ShaderTest SmokeOptions SmokeReport
         Source Srt Stage Stats StreamedImage StructData Texels TraceCall TraceRay Traced Trap TrapCode
-        TrapOperands TypedBytes ValidationClass ValidationFinding Value Warning
+        TrapOperands TypedBytes ValidationClass ValidationFinding Value Warning WarningReports
     }
     let types = items()
         .into_iter()
@@ -69,6 +69,54 @@ fn every_type_is_shown_and_crosses_threads() {
     let missing: Vec<String> =
         types.map(|(_, name)| name).filter(|name| !held.contains(name.as_str())).collect();
     assert!(missing.is_empty(), "add them to this test: {missing:?}");
+}
+
+/// What a method returns is lost where nobody looks at it: a builder's change, a comparison.
+#[test]
+fn every_method_with_a_value_is_marked_as_must_use() {
+    let text = fs::read_to_string(root().join("tests/public_names.txt")).expect("the list of names");
+    let methods: BTreeSet<&str> = text
+        .lines()
+        .filter_map(|line| line.trim().strip_suffix("()"))
+        .filter(|name| !name.contains(' '))
+        .collect();
+    let (mut unmarked, mut seen) = (Vec::new(), 0);
+    for path in files::with_extension(&root().join("src"), "rs") {
+        let code = fs::read_to_string(&path).expect("a readable file");
+        let (mut of, mut is_marked) = (None, false);
+        let mut lines = code.lines();
+        while let Some(line) = lines.next() {
+            if let Some(rest) = line.strip_prefix("impl ").or_else(|| line.strip_prefix("impl<'_> ")) {
+                of = rest.split(['<', ' ']).next().filter(|_| !rest.contains(" for "));
+            }
+            let start = line.trim_start();
+            let name = start.strip_prefix("pub fn ").or_else(|| start.strip_prefix("pub const fn "));
+            let name = name.and_then(|rest| rest.split(['(', '<']).next());
+            if let (Some(of), Some(name)) = (of, name) {
+                let mut signature = line.to_owned();
+                while !signature.contains('{') {
+                    signature += lines.next().unwrap_or("{");
+                }
+                let returned = signature.split('{').next().and_then(|text| text.split("-> ").last());
+                let silent = returned.is_some_and(|returned| {
+                    let returned = returned.trim();
+                    signature.contains("-> ")
+                        && !returned.starts_with("Result")
+                        && !returned.starts_with("&mut")
+                });
+                let name = format!("{of}::{name}");
+                if methods.contains(name.as_str()) {
+                    seen += 1;
+                    if silent && !is_marked {
+                        unmarked.push(name);
+                    }
+                }
+            }
+            is_marked = is_marked && start.starts_with(['#', '/']) || start.starts_with("#[must_use");
+        }
+    }
+    assert!(seen > 200, "{seen} methods");
+    assert!(unmarked.is_empty(), "write #[must_use] above {unmarked:?}");
 }
 
 /// The items of the list, without their members.

@@ -7,9 +7,9 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use anyhit::{
-    Case, Component, ComputeTest, Descriptor, Dimension, ErrorKind, Format, Hit, Image, ImageShape, Instance,
-    LaunchLimits, LoadedScene, Module, Motion, Pipeline, Program, Ray, RayFlags, RayOperands, Result,
-    Sampler, Scene, ShaderTest, StreamedImage, StructData,
+    Case, Component, ComputeTest, Descriptor, Dimension, ErrorKind, Format, GeometryFlags, Hit, Image,
+    ImageShape, Instance, InstanceFlags, LaunchLimits, LoadedScene, Module, Motion, Pipeline, Program, Ray,
+    RayFlags, RayOperands, Result, Sampler, Scene, ShaderTest, StreamedImage, StructData,
 };
 
 const CONVERSIONS: &str = "spirv-fixtures/pass/harness/conversions";
@@ -262,19 +262,30 @@ fn ray_flags_have_the_bits_of_the_specification() {
     assert!(payload(0.0).hit(triangle().ray_flags(RayFlags::FORCE_OPACITY_MICROMAP_2_STATE)).run().is_ok());
 }
 
+/// `VkGeometryInstanceFlagBitsKHR` has bits 0 to 5, `VkGeometryFlagBitsKHR` 0 and 1.
+#[test]
+fn flags_of_instances_have_the_bits_of_the_specification() {
+    let sphere = || Instance::sphere([0.0; 3], 0.5);
+    for (instance, words) in [
+        (sphere().flags(InstanceFlags(1 << 6)), "the instance flags 0x40 hold bit 6"),
+        (sphere().geometry_flags(GeometryFlags(1 << 31)), "the geometry flags 0x80000000 hold bit 31"),
+    ] {
+        let text = Scene::new([instance]).unwrap_err().render();
+        assert!(text.contains(words) && text.contains("combine the constants of `"), "{text}");
+    }
+    assert!(Scene::new([sphere().flags(InstanceFlags(0x33)).geometry_flags(GeometryFlags(3))]).is_ok());
+}
+
 #[test]
 fn every_listed_answer_is_taken() {
-    // 112 bytes: the shader's payload, whatever is in it.
-    let layout = payload(1.0).trace_answers(&[0u8]).run().unwrap_err().render();
-    assert!(layout.contains("bytes"), "{layout}");
-    let answer = payload(1.0).on_trace(|_| Ok(())).run().unwrap().traces[0].payload.value();
-    // The shader's own, which the closure leaves.
-    assert_eq!(answer["hits"].u32(), 3);
-    let callable =
-        ShaderTest::new(&Module::open("spirv-fixtures/fail/callable/endless/main.rgen.spv").unwrap(), "main");
-    let callable = callable.unwrap().on_call(|_| Ok(()));
-    let calls = callable.run().unwrap().calls.len();
-    assert_eq!(calls, 1);
+    // Traces once, with a payload of 92 bytes.
+    let module = Module::open("spirv-fixtures/pass/payload/structs/main.rchit.spv").unwrap();
+    let hit = Hit::triangle([[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+        .ray(Ray::new([0.25, 0.25, 1.0], [0.0, 0.0, -1.0]));
+    let bouncing = ShaderTest::new(&module, "main").unwrap().hit(hit);
+    let answers = |count| bouncing.clone().trace_answers(&vec![[0u32; 23]; count]);
+    invalid(answers(3).run(), &["3 answers, 1 trace", "list as many answers"]);
+    assert_eq!(answers(1).run().unwrap().traces.len(), 1);
 
     // A shader that makes no trace at all.
     let words = ["1 answer, 0 traces", "list as many answers"];

@@ -1,7 +1,7 @@
 //! Python's numbers, lists and dicts as scalars for the members of a shader's value.
 
 use anyhit::Value;
-use anyhit::internals::harness::scalars::ScalarValue;
+use anyhit::ScalarValue;
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict, PyFloat, PyInt};
 

@@ -1,5 +1,6 @@
 //! What launches and shaders left behind: buffers and images as shaders left them.
 
+use anyhit::internals::machine::format::Class;
 use anyhit::{Explain, Format, Stats, Texels};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
@@ -10,20 +11,34 @@ use crate::scene::Scene;
 use crate::shader_test::TraceCall;
 use crate::value::to_python;
 
-/// R, G, B and A of all texels: an array of float32, (height, width, 4).
+/// R, G, B and A of all texels: an array (height, width, 4) of float32, or of the integers that the
+/// format holds (uint32, int32, uint64, int64).
 pub(crate) fn texels<'py>(py: Python<'py>, texels: &Texels) -> PyResult<Bound<'py, PyAny>> {
     let [width, height] = texels.size();
     let image = texels.image();
+    let format = image.format();
     let plane = *image.shape() == anyhit::ImageShape::plane(width, height);
-    let bytes = match image.format() == Format::RGBA32F && plane {
-        true => py.detach(|| image.bytes()),
-        false => py.detach(|| {
-            let numbers = texels.rows().into_iter().flatten().flatten();
-            numbers.flat_map(|number| (number as f32).to_le_bytes()).collect()
-        }),
-    };
-    let float = py.import("numpy")?.call_method1("dtype", ("<f4",))?;
-    from_bytes(py, bytes, &float, &[height as isize, width as isize, 4])
+    let places = move || (0..height).flat_map(move |y| (0..width).map(move |x| (x, y)));
+    let (dtype, bytes): (&str, Vec<u8>) = py.detach(|| match (format.class(), format.is_wide()) {
+        _ if format == Format::RGBA32F && plane => ("<f4", image.bytes()),
+        (Class::Float, _) => {
+            ("<f4", places().flat_map(|(x, y)| texels.at_f32(x, y)).flat_map(f32::to_le_bytes).collect())
+        }
+        (Class::Uint, false) => {
+            ("<u4", places().flat_map(|(x, y)| texels.at_u32(x, y)).flat_map(u32::to_le_bytes).collect())
+        }
+        (Class::Sint, false) => {
+            ("<i4", places().flat_map(|(x, y)| texels.at_i32(x, y)).flat_map(i32::to_le_bytes).collect())
+        }
+        (Class::Uint, true) => {
+            ("<u8", places().flat_map(|(x, y)| texels.at_u64(x, y)).flat_map(u64::to_le_bytes).collect())
+        }
+        (Class::Sint, true) => {
+            ("<i8", places().flat_map(|(x, y)| texels.at_i64(x, y)).flat_map(i64::to_le_bytes).collect())
+        }
+    });
+    let dtype = py.import("numpy")?.call_method1("dtype", (dtype,))?;
+    from_bytes(py, bytes, &dtype, &[height as isize, width as isize, 4])
 }
 
 /// The bytes of a buffer as an array of a dtype, one row.

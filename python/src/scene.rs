@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use anyhit::internals::geometry::Precision;
+use anyhit::internals::machine::format::Class;
 use anyhit::{Format, Image, ImageShape, StructData};
 use numpy::PyUntypedArrayMethods;
 use pyo3::prelude::*;
@@ -72,9 +73,12 @@ impl Scene {
         Ok(Self { scene: self.scene.clone().buffer(set, binding, &bytes) })
     }
 
-    /// Binds a storage or sampled image: an array of float32, (height, width, 4).
-    fn image(&self, set: u32, binding: u32, texels: &Bound<'_, PyAny>) -> PyResult<Self> {
-        Ok(Self { scene: self.scene.clone().image(set, binding, image(texels)?) })
+    /// Binds a storage or sampled image of a format, which is the one that the shaders declare: an
+    /// array (height, width, 4) of float32, or of uint32, int32, uint64 or int64 for a format of
+    /// such integers. The names of formats are GLSL's: `"rgba32f"`, `"rgba8"`, `"r32ui"`.
+    #[pyo3(signature = (set, binding, texels, format="rgba32f"))]
+    fn image(&self, set: u32, binding: u32, texels: &Bound<'_, PyAny>, format: &str) -> PyResult<Self> {
+        Ok(Self { scene: self.scene.clone().image(set, binding, image(texels, format)?) })
     }
 
     /// The content of a buffer, as an array of a dtype; of its bytes without one.
@@ -127,15 +131,40 @@ pub(crate) fn buffer_bytes(
     Ok(filled(zeros, data)?.bytes().to_vec())
 }
 
-/// An array of float32, (height, width, 4), as an image.
-pub(crate) fn image(texels: &Bound<'_, PyAny>) -> PyResult<std::sync::Arc<Image>> {
-    let array = typed::<f32>("texels", texels)?;
+/// An array (height, width, 4) of the numbers that a format holds, as an image.
+pub(crate) fn image(texels: &Bound<'_, PyAny>, format: &str) -> PyResult<std::sync::Arc<Image>> {
+    let known = Format::NAMED.iter().find(|(name, _)| *name == format);
+    let Some(&(_, format)) = known else {
+        let names: Vec<&str> = Format::NAMED.iter().map(|(name, _)| *name).collect();
+        return Err(invalid(format!("there is no format `{format}`: write one of {}", names.join(", "))));
+    };
+    match (format.class(), format.is_wide()) {
+        (Class::Float, _) => encoded::<f32>(texels, format, |number| number.to_bits().into()),
+        (Class::Uint, false) => encoded::<u32>(texels, format, u64::from),
+        (Class::Uint, true) => encoded::<u64>(texels, format, |number| number),
+        (Class::Sint, false) => encoded::<i32>(texels, format, |number| i64::from(number) as u64),
+        (Class::Sint, true) => encoded::<i64>(texels, format, |number| number as u64),
+    }
+}
+
+/// An image of an array of numbers, each of which is one word of a texel.
+fn encoded<T: numpy::Element + Copy>(
+    texels: &Bound<'_, PyAny>,
+    format: Format,
+    word: impl Fn(T) -> u64,
+) -> PyResult<std::sync::Arc<Image>> {
+    let array = typed::<T>("texels", texels)?;
     let &[height, width, 4] = array.shape() else {
         let shape = texels.getattr("shape")?;
         return Err(invalid(format!("texels: an array of shape {shape}, not (height, width, 4)")));
     };
     let side = |side: usize| u32::try_from(side).map_err(|_| invalid("texels: the array is too large"));
     let shape = ImageShape::plane(side(width)?, side(height)?);
-    let bytes = bytemuck::cast_slice(slice("texels", &array)?);
-    Image::new(Format::RGBA32F, shape, bytes).map_err(raised)
+    let (size, is_signed) = (format.texel_size() as usize, format.class() == Class::Sint);
+    let mut bytes = Vec::with_capacity(width * height * size);
+    for texel in slice("texels", &array)?.as_chunks::<4>().0 {
+        let bits = format.encode(texel.map(&word), is_signed);
+        bytes.extend_from_slice(&bits.to_le_bytes()[..size]);
+    }
+    Image::new(format, shape, &bytes).map_err(raised)
 }

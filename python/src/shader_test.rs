@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
-use anyhit::internals::harness::scalars::ScalarValue;
+use anyhit::ScalarValue;
 use anyhit::internals::ops::builtin::{ValueShape, find_by_name};
 use anyhit::{StructData, Value};
 use pyo3::prelude::*;
@@ -115,9 +115,12 @@ impl ShaderTest {
         Ok(self.with(|test| test.buffer(set, binding, &bytes)))
     }
 
-    /// Binds a storage or sampled image: an array of float32, (height, width, 4).
-    fn image(&self, set: u32, binding: u32, texels: &Bound<'_, PyAny>) -> PyResult<Self> {
-        let image = image(texels)?;
+    /// Binds a storage or sampled image of a format, which is the one that the shader declares: an
+    /// array (height, width, 4) of float32, or of uint32, int32, uint64 or int64 for a format of
+    /// such integers. The names of formats are GLSL's: `"rgba32f"`, `"rgba8"`, `"r32ui"`.
+    #[pyo3(signature = (set, binding, texels, format="rgba32f"))]
+    fn image(&self, set: u32, binding: u32, texels: &Bound<'_, PyAny>, format: &str) -> PyResult<Self> {
+        let image = image(texels, format)?;
         Ok(self.with(|test| test.image(set, binding, image)))
     }
 

@@ -205,13 +205,26 @@ impl Instance {
     }
 
     /// # Errors
-    /// `InvalidScene` for numbers that no geometry may have, and for a transform beside a motion.
+    /// `InvalidScene` for numbers that no geometry may have, for unknown bits in flags, and for a
+    /// transform beside a motion.
     pub(super) fn make(self) -> Result<accel::TlasInstance> {
         if self.motion.is_some() && self.transform != IDENTITY {
             let message = "an instance with a motion has a transform, too, which would be ignored";
             return Err(Error::new(ErrorKind::InvalidScene, message).note(
                 "leave out `.transform` and `.translate`: the two keys of `Motion` place the instance",
             ));
+        }
+        let unknown = |what: &str, bits: u32, known: u32, constants: &str| match bits & !known {
+            0 => Ok(()),
+            unknown => {
+                let message = format!("the {what} flags {bits:#x} hold bit {}", unknown.trailing_zeros());
+                let how = format!("combine the constants of `{constants}`");
+                Err(Error::new(ErrorKind::InvalidScene, message).note(how))
+            }
+        };
+        unknown("instance", self.flags.0, 0x3F, "InstanceFlags")?;
+        for geometry in &self.geometries {
+            unknown("geometry", geometry.flags.0, 3, "GeometryFlags")?;
         }
         Ok(accel::TlasInstance {
             blas: Blas::new(self.geometries)?,

@@ -100,7 +100,9 @@ impl fmt::Debug for Change {
         match self {
             Self::Buffer(name, bytes) => write!(f, "buffer `{name}` of {} bytes", bytes.bytes.len()),
             Self::PushConstants(bytes) => write!(f, "push constants of {} bytes", bytes.bytes.len()),
-            Self::ShaderRecord(name, bytes) => write!(f, "shader record `{name}` of {} bytes", bytes.bytes.len()),
+            Self::ShaderRecord(name, bytes) => {
+                write!(f, "shader record `{name}` of {} bytes", bytes.bytes.len())
+            }
             Self::Transform(instance, rows) => write!(f, "transform of instance {instance}: {rows:?}"),
             Self::Motion(instance, motion) => write!(f, "motion of instance {instance}: {motion:?}"),
             Self::Shader(name, _, code) => write!(f, "shader `{name}`: {code:?}"),
