@@ -164,6 +164,7 @@ mod tests {
         assert_eq!(flags("none").unwrap(), 0);
         assert_eq!(flags("0xc").unwrap(), 12);
         assert_eq!(flags("TerminateOnFirstHitKHR|skip_closest_hit_shader").unwrap(), 12);
+        assert!(flags("0x800").unwrap_err().message().contains("bit 11"));
         assert!(flags("Opaque,Glass").unwrap_err().message().contains("`Glass`"));
     }
 }

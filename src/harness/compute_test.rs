@@ -133,7 +133,8 @@ impl ComputeTest {
     ///
     /// # Errors
     /// `Trap`, that of the first workgroup that has one, with its source line; `InvalidArgument`
-    /// for a buffer whose size is not the shader's, with both layouts, and for too many workgroups.
+    /// for a buffer whose size, or an image whose format, is not the shader's, with both, and for
+    /// too many workgroups.
     pub fn run(&self) -> Result<ComputeOutcome> {
         let program = &self.compute.program;
         self.given.check(program)?;

@@ -32,6 +32,7 @@ pub const EXPLAINED_LINES: usize = 10;
 /// A result that can explain how it came about.
 pub trait Explain {
     /// Returns what happened as text.
+    #[must_use]
     fn explain(&self) -> String;
 }
 

@@ -160,7 +160,8 @@ macro_rules! gives_resources {
                 self
             }
 
-            /// Binds a storage or sampled image.
+            /// Binds a storage or sampled image. A format that contradicts what the shaders declare
+            /// is an error of the run, with both.
             #[must_use]
             pub fn image(
                 self,

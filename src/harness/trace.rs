@@ -233,7 +233,7 @@ impl Pipeline {
     /// # Errors
     /// `Trap`, that of the lowest launch index, where a shader misbehaves; `InvalidScene` without a
     /// ray generation shader; `InvalidArgument` for a grid without or with too many invocations,
-    /// and for a buffer whose size is not the shaders', with both layouts.
+    /// and for a buffer whose size, or an image whose format, is not the shaders', with both.
     pub fn launch(&self, scene: &Scene, size: [u32; 3]) -> Result<Launched> {
         self.check_launch(scene, size)?;
         let (pipeline, resources) = memory::copied_for_run(self, scene.resources());
@@ -307,7 +307,8 @@ impl Pipeline {
     ///
     /// # Errors
     /// `Trap` where a shader misbehaves; `InvalidArgument` for a payload or a buffer whose size
-    /// fits no shader, with both layouts, and for a ray that breaks a rule, with its VUID.
+    /// fits no shader, or an image of another format than declared, with both, and for a ray that
+    /// breaks a rule, with its VUID, or has unknown flags.
     pub fn trace(&self, scene: &Scene, ray: impl Into<RayOperands>) -> Result<Traced> {
         self.trace_observed(scene, ray.into(), None)
     }

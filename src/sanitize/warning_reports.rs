@@ -1,10 +1,8 @@
 //! Reports of findings that are not denied.
 
-use std::ops::Deref;
-
 use crate::error::Error;
 
-/// Reports of what a run is only warned of, as errors: a slice of them.
+/// Reports of what a run is only warned of, as errors.
 ///
 /// ```
 /// use anyhit::{ComputeTest, Module};
@@ -21,6 +19,30 @@ use crate::error::Error;
 pub struct WarningReports(Vec<Error>);
 
 impl WarningReports {
+    /// Returns whether nothing was warned of.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// The number of reports.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.0.len()
+    }
+
+    /// The reports in order.
+    #[must_use]
+    pub fn iter(&self) -> std::slice::Iter<'_, Error> {
+        self.0.iter()
+    }
+
+    /// The reports as a slice.
+    #[must_use]
+    pub fn as_slice(&self) -> &[Error] {
+        &self.0
+    }
+
     /// The reports as a list.
     #[must_use]
     pub fn into_vec(self) -> Vec<Error> {
@@ -31,14 +53,6 @@ impl WarningReports {
 impl From<Vec<Error>> for WarningReports {
     fn from(reports: Vec<Error>) -> Self {
         Self(reports)
-    }
-}
-
-impl Deref for WarningReports {
-    type Target = [Error];
-
-    fn deref(&self) -> &[Error] {
-        &self.0
     }
 }
 

@@ -1,7 +1,5 @@
 //! Sets up the invocation of a shader under test: builtins, payload, attributes, resources.
 
-use rspirv::spirv::Decoration;
-
 use crate::error::Result;
 use crate::harness::bound::blocks;
 use crate::harness::fit::check_block;
@@ -58,16 +56,15 @@ impl ShaderTest {
 
     /// Checks that the shader reads every builtin that the test sets by name.
     pub(super) fn check_builtins(&self) -> Result<()> {
-        let module = &self.program.module;
-        let entry = module
-            .entry_points
-            .iter()
-            .find(|entry| entry.stage == self.program.stage && entry.name == self.program.name);
+        if self.builtins.is_empty() {
+            return Ok(());
+        }
+        let (module, stage, name) = (&self.program.module, self.program.stage, &self.program.name);
+        let entry = module.entry_points.iter().find(|entry| entry.stage == stage && entry.name == *name);
         let variables = entry.map_or_else(Vec::new, |entry| module.interface_of(entry));
         let mut read: Vec<&str> = self.program.inputs.iter().map(|input| input.builtin.name).collect();
-        for variable in variables {
-            let number = module.decorations.literal(variable.id, Decoration::BuiltIn as u32);
-            let known = number.and_then(|number| BUILTINS.iter().find(|known| known.number == number));
+        for number in variables.iter().filter_map(|variable| variable.builtin) {
+            let known = BUILTINS.iter().find(|known| known.number == number);
             if let Some(builtin) = known.filter(|builtin| !read.contains(&builtin.name)) {
                 read.push(builtin.name);
             }
@@ -75,7 +72,7 @@ impl ShaderTest {
         let Some((unread, _)) = self.builtins.iter().find(|(set, _)| !read.contains(&set.name)) else {
             return Ok(());
         };
-        let (stage, name) = (self.program.stage.name(), &self.program.name);
+        let stage = stage.name();
         let error = invalid(format!("{stage} `{name}` does not read {}, which the test sets", unread.name));
         Err(error.note(match read.is_empty() {
             true => "it reads no builtin: leave out `.builtin`".to_owned(),

@@ -152,14 +152,16 @@ impl ShaderTest {
         Self { trace: Some(TraceRay { ray, flags: RayFlags(0), cull_mask: 0xFF, time: 0.0 }), ..self }
     }
 
-    /// `LaunchIdKHR` and `LaunchSizeKHR`; (0, 0, 0) of (1, 1, 1) unless set.
+    /// `LaunchIdKHR` and `LaunchSizeKHR`; (0, 0, 0) of (1, 1, 1) unless set. An id outside the size
+    /// is an error of the run.
     #[must_use]
     pub fn launch(self, id: [u32; 3], size: [u32; 3]) -> Self {
         Self { launch: [id, size], ..self }
     }
 
     /// Sets a builtin by its name in SPIR-V, consistent with the rest or not: `"HitKindKHR"`,
-    /// `"PrimitiveId"`, `"RayTmaxKHR"`. The suffix may be left out.
+    /// `"PrimitiveId"`, `"RayTmaxKHR"`. The suffix may be left out. One that the shader does not
+    /// read is an error of the run.
     #[must_use]
     pub fn builtin(mut self, name: &str, value: impl Scalars) -> Self {
         match builtin_words(&self.program.module, name, &value.nested()) {
@@ -243,7 +245,8 @@ impl ShaderTest {
         Self { executes: Some(Answer::new(answer)), ..self }
     }
 
-    /// Answers the hit objects that the shader executes with these payloads, one after the other.
+    /// Answers the hit objects that the shader executes with these payloads, one after the other. A
+    /// shader that executes more, or fewer, is an error of the run.
     #[must_use]
     pub fn execute_answers<T: NoUninit + Debug>(self, payloads: &[T]) -> Self {
         Self { executes: Some(in_turn(payloads, "execution", ExecuteCall::parts)), ..self }
@@ -256,7 +259,8 @@ impl ShaderTest {
         Self { object_record: Some(Buffer::new(bytemuck::bytes_of(record))), ..self }
     }
 
-    /// Answers the shader's traces with these payloads, one after the other.
+    /// Answers the shader's traces with these payloads, one after the other. A shader that makes
+    /// more traces, or fewer, is an error of the run.
     #[must_use]
     pub fn trace_answers<T: NoUninit + Debug>(self, payloads: &[T]) -> Self {
         Self { traces: Some(in_turn(payloads, "trace", TraceCall::parts)), ..self }
@@ -269,7 +273,8 @@ impl ShaderTest {
         Self { calls: Some(Answer::new(answer)), ..self }
     }
 
-    /// Answers the shader's calls with these data, one after the other.
+    /// Answers the shader's calls with these data, one after the other. A shader that makes more
+    /// calls, or fewer, is an error of the run.
     #[must_use]
     pub fn call_answers<T: NoUninit + Debug>(self, data: &[T]) -> Self {
         Self { calls: Some(in_turn(data, "call", CallableCall::parts)), ..self }

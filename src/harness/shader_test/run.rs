@@ -28,9 +28,11 @@ impl ShaderTest {
     /// can be run again. Buffers and images that the shader cannot write are not copied.
     ///
     /// # Errors
-    /// `Trap` where the shader misbehaves, with its source line; `InvalidArgument` for a builtin or
-    /// a layout that does not fit, with both layouts, where the ray misses, and where the shader
-    /// traces or calls and nothing answers; what an answer returns.
+    /// `Trap` where the shader misbehaves or takes longer than its limits, with its source line;
+    /// `InvalidArgument` for a builtin that the shader does not read or of another type, a layout
+    /// or an image format that does not fit, with both, a launch id outside the launch size, where
+    /// the ray misses, where the shader traces or calls and nothing answers, and where it takes
+    /// fewer answers than are listed; what an answer returns.
     pub fn run(&self) -> Result<ShaderOutcome> {
         self.run_observed(&mut ())
     }
