@@ -144,7 +144,7 @@ pub use machine::Exit;
 pub use accel::{
     EndCaps, GeometryData, GeometryFlags, HitKind, Indexing, InstanceFlags, Motion, RayFlags, Srt, TraceRay,
 };
-pub use geometry::Ray;
+pub use geometry::{Precision, Ray};
 pub use harness::instance::Instance;
 pub use harness::scene::Scene;
 

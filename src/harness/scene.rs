@@ -77,7 +77,15 @@ impl Scene {
     }
 
     /// How intersections are computed; exactly unless set. See [`Precision`].
-    #[doc(hidden)]
+    ///
+    /// ```
+    /// use anyhit::{Instance, Precision, Scene};
+    ///
+    /// # fn main() -> anyhit::Result<()> {
+    /// let scene = Scene::new([Instance::sphere([0.0; 3], 0.5)])?.precision(Precision::Float);
+    /// # Ok(())
+    /// # }
+    /// ```
     #[must_use]
     pub fn precision(mut self, precision: Precision) -> Self {
         let other = self.tlas.at_precision(precision);
