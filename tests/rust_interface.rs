@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use anyhit::{
     Case, Component, ComputeTest, Descriptor, Dimension, ErrorKind, Format, GeometryFlags, Hit, Image,
     ImageShape, Instance, InstanceFlags, LaunchLimits, LoadedScene, Module, Motion, Pipeline, Program, Ray,
-    RayFlags, RayOperands, Result, Sampler, Scene, ShaderTest, StreamedImage, StructData,
+    RayFlags, RayOperands, Result, Sampler, Scene, ShaderTest, StreamedImage, StructData, WarningReports,
 };
 
 const CONVERSIONS: &str = "spirv-fixtures/pass/harness/conversions";
@@ -300,6 +300,23 @@ fn a_builtin_that_is_set_is_read() {
     let error = payload(0.0).builtin("PrimitiveId", 3u32).run();
     invalid(error, &["does not read PrimitiveId", "it reads RayTmaxKHR"]);
     assert!(payload(0.0).builtin("RayTmaxKHR", 3.0f32).run().is_ok());
+}
+
+#[test]
+fn warnings_of_a_run_are_a_list() {
+    let test = accumulate().image(0, 1, plane(Component::Uint32, 1));
+    let warnings: WarningReports = test.sanitize().unwrap();
+    assert!(warnings.is_empty(), "{warnings:?}");
+    assert_eq!((warnings.len(), warnings.iter().count()), (0, 0));
+    assert_eq!(serde_json::to_value(&warnings).unwrap(), serde_json::json!([]));
+    assert_eq!((warnings.as_slice().len(), warnings.into_vec().len()), (0, 0));
+}
+
+#[test]
+fn no_seed_is_no_passed_check() {
+    let scene = LoadedScene::open("shaders/pass/ray-query/compute/scene.toml").unwrap();
+    invalid(scene.many_seeds(0), &["no seed is drawn", "many_seeds(8)"]);
+    assert!(scene.many_seeds(1).unwrap().is_empty());
 }
 
 #[test]

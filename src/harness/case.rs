@@ -123,8 +123,8 @@ impl Case {
     /// `CACHEDIR.TAG` marks are passed by.
     ///
     /// # Errors
-    /// `Io` where a folder cannot be read, `InvalidArgument` where none has a case, and the mistakes
-    /// of scene files that are no TOML.
+    /// `Io` where a folder cannot be read, `InvalidArgument` where none has a case, and mistakes of
+    /// scene files that are no TOML.
     pub fn discover(folder: &Path) -> Result<Vec<Self>> {
         let mut cases = Vec::new();
         for scene in scenes(folder)? {

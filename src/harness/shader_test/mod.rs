@@ -304,7 +304,7 @@ impl ShaderTest {
     }
 
     /// Sets the limits of the run; unless set, the shader is stopped after 8 seconds, as by
-    /// `anyhit test`. Limits without a time leave [`ShaderTest::fuel`] alone to end an endless loop.
+    /// `anyhit test`. Limits without a time leave an endless loop to [`ShaderTest::fuel`] alone.
     ///
     /// ```
     /// use std::time::Duration;
