@@ -96,26 +96,26 @@ fn a_thousand_tests(table: &Table) {
     let test = ShaderTest::new(&module(), "main").expect("a supported shader");
     table.row("one shader", 11, || {
         for _ in 0..TESTS {
-            black_box(test.clone().hit(hit()).run().expect("it runs"));
+            let _ = black_box(test.clone().hit(hit()).run().expect("it runs"));
         }
     });
     table.row("one shader, each opens its module", 5, || {
         for _ in 0..TESTS {
             let test = ShaderTest::new(&module(), "main").expect("a supported shader");
-            black_box(test.hit(hit()).run().expect("it runs"));
+            let _ = black_box(test.hit(hit()).run().expect("it runs"));
         }
     });
     let pipeline = sphere_pipeline();
     table.row("one ray, each makes its scene", 11, || {
         for _ in 0..TESTS {
             let scene = Scene::new([Instance::sphere([0.0; 3], 0.5)]).expect("a scene");
-            black_box(pipeline.trace(&scene, ray()).expect("it runs"));
+            let _ = black_box(pipeline.trace(&scene, ray()).expect("it runs"));
         }
     });
     table.row("one ray, each makes scene and pipeline", 5, || {
         for _ in 0..TESTS {
             let scene = Scene::new([Instance::sphere([0.0; 3], 0.5)]).expect("a scene");
-            black_box(sphere_pipeline().trace(&scene, ray()).expect("it runs"));
+            let _ = black_box(sphere_pipeline().trace(&scene, ray()).expect("it runs"));
         }
     });
 }
