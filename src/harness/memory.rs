@@ -7,6 +7,8 @@ use std::borrow::Cow;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
+use rustc_hash::FxHashSet;
+
 use crate::machine::image::Image;
 use crate::machine::{Binding, Buffer, Descriptor, Resources};
 use crate::pipeline::{Pipeline, SbtRecord};
@@ -28,7 +30,7 @@ pub(super) struct WrittenMemory {
     /// True where a shader stores to device addresses.
     has_addresses: bool,
     /// The memory of buffers ([`Buffer::memory_id`]) and images, by address.
-    places: Vec<usize>,
+    places: FxHashSet<usize>,
 }
 
 impl WrittenMemory {
@@ -76,13 +78,11 @@ impl WrittenMemory {
                 Descriptor::Image(image) | Descriptor::ImageSampler(image, _) => image_id(image),
                 _ => continue,
             };
-            if !self.places.contains(&place) {
-                self.places.push(place);
-            }
+            self.places.insert(place);
         }
     }
 
-    /// Whether shaders may store to device addresses.
+    /// Returns whether shaders may store to device addresses.
     fn reaches_addresses(&self) -> bool {
         self.has_addresses || self.is_everything
     }
@@ -164,10 +164,11 @@ fn with_own_records(pipeline: &Pipeline) -> Pipeline {
     own
 }
 
-/// Equal for all descriptors of one image, and for these alone.
+/// A number that is equal for all descriptors of one image, and for these alone.
 fn image_id(image: &Arc<Image>) -> usize {
     Arc::as_ptr(image).addr()
 }
+
 /// The copy of an original, made at its first appearance.
 fn once<T: ?Sized>(
     copies: &mut Vec<(Arc<T>, Arc<T>)>,

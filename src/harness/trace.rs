@@ -206,8 +206,8 @@ pub struct Launched {
 reads_what_is_bound!(Launched);
 
 impl Pipeline {
-    /// Runs the ray generation shader over a grid of (width, height, depth). What shaders write is in
-    /// what is returned; the scene stays as it is, so that it can be launched again, by several
+    /// Runs the ray generation shader over a grid of (width, height, depth). What shaders write is
+    /// in what is returned; the scene stays as it is, so that it can be launched again, by several
     /// threads at once, too. Buffers and images that no shader can write are not copied.
     /// [`Pipeline::launch_mut`] writes to the scene.
     ///
