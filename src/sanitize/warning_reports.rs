@@ -73,3 +73,13 @@ impl<'a> IntoIterator for &'a WarningReports {
         self.0.iter()
     }
 }
+
+impl std::ops::Index<usize> for WarningReports {
+    type Output = Error;
+
+    /// # Panics
+    /// Where there are fewer reports.
+    fn index(&self, index: usize) -> &Error {
+        &self.0[index]
+    }
+}
