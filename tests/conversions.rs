@@ -170,13 +170,12 @@ fn components_have_names() {
     assert_eq!(outcome.payload["m"].matrix::<2, 3>()[1], [0.0, 2.0, 0.0]);
 }
 
-/// Three floats 16 bytes apart print as nine numbers, and are read as nine.
+/// Three columns 16 bytes apart are nine numbers.
 #[test]
 fn matrices_are_read_as_they_print() {
     let columns = [[1f32, 2.0, 3.0], [4.0, 5.0, 6.0], [7.0, 8.0, 9.0]];
     let value = block().set("m3", columns).unwrap().value();
     assert_eq!(value["m3"].read::<[[f32; 3]; 3]>().unwrap(), columns);
-    assert_eq!(value["m3"].read::<[[f32; 4]; 3]>().unwrap()[2][..3], columns[2]);
 }
 
 #[test]

@@ -107,6 +107,50 @@ fn inspect_reports_what_a_module_does_not_declare() {
     assert!(!ran.out.contains("warning"), "{}", ran.out);
 }
 
+/// SPIR-V, 2.16.1: a logical pointer is no result of `OpBitcast`. Lowering finds it.
+#[test]
+fn inspect_rejects_what_lowering_finds_invalid() {
+    let folder = scratch("module-validation-lowering");
+    let bitcast = DOUBLE
+        .replace("{}", "OpCapability Float64")
+        .replace("%x = OpLoad %double %p", "%same = OpBitcast %pointer %p\n%x = OpLoad %double %same");
+    let path = folder.join("bitcast.spv");
+    fs::write(&path, assemble(&bitcast)).expect("a writable folder");
+    let ran = anyhit(&["inspect", text(&path)]);
+    assert_eq!(ran.code, Some(2), "{ran:?}");
+    assert!(ran.out.contains("GLCompute `main`: INVALID"), "{}", ran.out);
+    assert!(ran.err.contains("SPIR-V, 2.16.1") && !ran.err.contains("gap of anyhit"), "{}", ran.err);
+}
+
+/// A load whose value nothing reads lies outside of its buffer, which has one double.
+#[test]
+fn a_test_under_the_sanitizer_runs_what_is_eliminated() {
+    let folder = scratch("module-validation-dead-load");
+    let dead = DOUBLE
+        .replace("{}", "OpCapability Float64")
+        .replace("%Out = OpTypeStruct %double", "%Out = OpTypeStruct %many")
+        .replace(
+            "%zero = OpConstant %uint 0",
+            "%zero = OpConstant %uint 0\n%far = OpConstant %uint 1000\n%many = OpTypeRuntimeArray %double",
+        )
+        .replace(
+            "OpMemberDecorate %Out 0 Offset 0",
+            "OpMemberDecorate %Out 0 Offset 0\nOpDecorate %many ArrayStride 8",
+        )
+        .replace(
+            "%p = OpAccessChain %pointer %out %zero",
+            "%p = OpAccessChain %pointer %out %zero %zero\n%q = OpAccessChain %pointer %out %zero %far\n\
+             %unused = OpLoad %double %q",
+        );
+    fs::write(folder.join("lacking.spv"), assemble(&dead)).expect("a writable folder");
+    let scene = folder.join("scene.toml");
+    fs::write(&scene, SCENE).expect("a writable folder");
+    assert_eq!(anyhit(&["test", text(&scene)]).code, Some(0));
+    let ran = anyhit(&["test", text(&scene), "--sanitize"]);
+    assert_eq!(ran.code, Some(1), "{ran:?}");
+    assert!(ran.out.contains("a shader trapped under the sanitizer"), "{}", ran.out);
+}
+
 #[test]
 fn commands_that_run_a_module_warn_once() {
     let folder = scratch("module-validation-run");

@@ -104,7 +104,10 @@ fn inspect(args: InspectArgs) -> Result<Vec<Error>> {
         output::print(format_args!("{}\n{}", escape::path(&path), report.text(strict)))?;
     }
     let errors = report.validation.iter().filter(|finding| strict || finding.class.is_fault());
-    Ok(errors.map(ValidationFinding::error).collect())
+    let errors: Vec<Error> = errors.map(ValidationFinding::error).collect();
+    // What only lowering finds: rules on values that it computes.
+    let invalid = || report.entry_points.iter().filter_map(|entry| entry.invalid.clone());
+    Ok(if errors.is_empty() { invalid().collect() } else { errors })
 }
 
 fn print_json(value: &impl Serialize, path: &Path) -> Result<()> {
@@ -227,6 +230,9 @@ struct EntryReport {
     name: String,
     stage: &'static str,
     supported: bool,
+    /// The rule of the specification that it breaks.
+    #[serde(skip)]
+    invalid: Option<Error>,
     reasons: Vec<String>,
     errors: Vec<ErrorReport>,
     interface: Vec<VariableReport>,
@@ -338,17 +344,22 @@ impl ModuleReport {
 
 impl EntryReport {
     fn of(module: &Arc<Module>, entry: &EntryPoint) -> Self {
+        let mut invalid = None;
         let (errors, reasons, findings) = match program::lower(module, entry) {
             Ok(program) => {
                 (Vec::new(), Vec::new(), check_module(&program, ShaderIndex(0), &Levels::default()))
             }
-            Err(error) => (ErrorReport::all(&error), obstacles(module, entry, &error), Findings::default()),
+            Err(error) => {
+                invalid = Some(error.clone()).filter(|error| error.kind() == ErrorKind::InvalidModule);
+                (ErrorReport::all(&error), obstacles(module, entry, &error), Findings::default())
+            }
         };
         let variables = module.interface_of(entry);
         Self {
             name: entry.name.clone(),
             stage: entry.stage.name(),
             supported: reasons.is_empty(),
+            invalid,
             reasons,
             errors,
             interface: variables.iter().map(|variable| VariableReport::of(module, variable)).collect(),
@@ -357,7 +368,11 @@ impl EntryReport {
     }
 
     fn write_text(&self, out: &mut String) {
-        let verdict = if self.supported { "supported" } else { "NOT SUPPORTED" };
+        let verdict = match (&self.invalid, self.supported) {
+            (Some(_), _) => "INVALID",
+            (None, true) => "supported",
+            (None, false) => "NOT SUPPORTED",
+        };
         let _ = writeln!(out, "\n{} `{}`: {verdict}", self.stage, self.name);
         for reason in &self.reasons {
             let _ = writeln!(out, "  - {reason}");

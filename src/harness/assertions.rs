@@ -25,8 +25,8 @@ use crate::harness::value::Value;
 ///
 /// Found is a number, an array of them, or a [`Value`]; expected a number or an array. The unit is
 /// that of the type found, in the binade of the expected value, which may be an `f64` and is not
-/// rounded: with it, 0.5 asks for correct rounding. Integers are compared exactly, in units of 1. An
-/// infinity is near itself alone, and a NaN is near every NaN.
+/// rounded: with it, 0.5 asks for correct rounding. Integers are compared exactly, in units of 1.
+/// An infinity is near itself alone, and a NaN is near every NaN.
 ///
 /// ```
 /// use anyhit::assert_ulps;

@@ -3,8 +3,8 @@
 //!
 //! Size, and for each scalar place, width and kind must agree. In arrays of one scalar type, an
 //! integer of the other sign passes where its value is the same, and a zero for any scalar: `[2u32,
-//! 0]` is `{ uint id; float k; }`. What lies in the shader's padding must be zero there: it would be
-//! dropped. Bytes given as `u8`s are taken as they are.
+//! 0]` is `{ uint id; float k; }`. What lies in the shader's padding must be zero there: it would
+//! be dropped. Bytes given as `u8`s are taken as they are.
 
 use std::collections::HashSet;
 

@@ -128,8 +128,8 @@ macro_rules! gives_resources {
                 self
             }
 
-            /// Binds a storage or uniform buffer with these bytes, little-endian, whatever types the
-            /// shaders declare. Fewer bytes than they declare are an error of the run.
+            /// Binds a storage or uniform buffer with these bytes, little-endian, whatever types
+            /// the shaders declare. Fewer bytes than they declare are an error of the run.
             #[must_use]
             pub fn buffer_bytes(self, set: u32, binding: u32, bytes: &[u8]) -> Self {
                 self.buffer(set, binding, bytes)

@@ -129,8 +129,8 @@ impl LoadedScene {
         }
     }
 
-    /// Replaces the content of a buffer by bytes, little-endian, whatever types the shaders declare.
-    /// The buffer has their size.
+    /// Replaces the content of a buffer by bytes, little-endian, whatever types the shaders
+    /// declare. The buffer has their size.
     ///
     /// # Errors
     /// `InvalidArgument` where the scene has no buffer of that name.
@@ -156,8 +156,8 @@ impl LoadedScene {
         })
     }
 
-    /// Replaces the scene's push constants. Size and scalars must be those of the shaders: what runs
-    /// the scene compares them.
+    /// Replaces the scene's push constants. Size and scalars must be those of the shaders: what
+    /// runs the scene compares them.
     ///
     /// # Errors
     /// `InvalidArgument` where no shader of the scene declares push constants.

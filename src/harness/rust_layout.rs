@@ -1,7 +1,7 @@
 //! The layout of a Rust type, as far as its name and its `Debug` text show it.
 //!
-//! Scalars, and arrays and slices of them, are known by the type's name: `[[f32; 4]; 2]`. bytemuck's
-//! traits promise that other types are plain bytes without padding, and name no fields;
+//! Scalars, and arrays and slices of them, are known by the type's name: `[[f32; 4]; 2]`.
+//! bytemuck's traits promise that other types are plain bytes without padding, and name no fields;
 //! `#[derive(Debug)]` does: `Payload { normal: [0.0, 0.0, 1.0], hits: 3 }` is three floats and an
 //! integer, in the order of the fields. A text of another form, from a `Debug` written by hand,
 //! tells nothing and is not held against the type. `u8`s are bytes, of which nothing is claimed.

@@ -249,11 +249,11 @@ impl Pipeline {
     /// use anyhit::{Module, Pipeline, Program, Scene};
     ///
     /// # fn main() -> anyhit::Result<()> {
-    /// // Each invocation adds its index, counted from 1, to its number.
-    /// let module = Module::open("spirv-fixtures/pass/harness/conversions/accumulate.rgen.spv")?;
-    /// let pipeline = Pipeline::builder().ray_generation(Program::of(&module, "main")?)?.build()?;
-    /// # let picture = anyhit::Image::plane(anyhit::Format::new(anyhit::Component::Uint32, 1), 2, 1)?;
-    /// let mut scene = Scene::new([])?.buffer(0, 0, &[10u32, 20]).image(0, 1, picture);
+    /// // Each invocation adds its index, counted from 1, to its number. let module =
+    /// Module::open("spirv-fixtures/pass/harness/conversions/accumulate.rgen.spv")?; let pipeline =
+    /// Pipeline::builder().ray_generation(Program::of(&module, "main")?)?.build()?; # let picture =
+    /// anyhit::Image::plane(anyhit::Format::new(anyhit::Component::Uint32, 1), 2, 1)?; let mut
+    /// scene = Scene::new([])?.buffer(0, 0, &[10u32, 20]).image(0, 1, picture);
     ///
     /// let first = pipeline.launch_mut(&mut scene, [2, 1, 1])?;
     /// pipeline.launch_mut(&mut scene, [2, 1, 1])?;

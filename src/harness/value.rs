@@ -164,8 +164,8 @@ impl Value {
         &self.bytes
     }
 
-    /// The value as a plain Rust type of the same size; or, where its scalars lie apart, of the size
-    /// that they have without gaps: a `mat3` is `[[f32; 3]; 3]`, whatever its stride.
+    /// The value as a plain Rust type of the same size; or, where its scalars lie apart, of the
+    /// size that they have without gaps: a `mat3` is `[[f32; 3]; 3]`, whatever its stride.
     ///
     /// # Errors
     /// `InvalidArgument` where the sizes differ; it shows both types.

@@ -11,7 +11,6 @@ use std::sync::Arc;
 
 use crate::accel::Tlas;
 use crate::machine::buffer::Buffer;
-use crate::machine::equality::{buffers_equal, structures_equal};
 
 /// Bits of an address that count bytes in a region.
 const REGION_BITS: u32 = 32;
@@ -330,6 +329,31 @@ impl DeviceMemory {
 /// The upper word of an acceleration structure's value that tells a descriptor's handle from a
 /// device address: no allocation lies that high.
 pub const STRUCTURE_HANDLE: u32 = u32::MAX;
+
+/// Returns whether two buffers have the same bytes.
+pub(super) fn buffers_equal(own: &Buffer, other: &Buffer) -> bool {
+    own.is_null() == other.is_null()
+        && own.size() == other.size()
+        && (own.is_same(other) || own.bytes() == other.bytes())
+}
+
+/// Returns whether two structures have the same instances of the same geometries.
+pub(super) fn structures_equal(own: &Arc<Tlas>, other: &Arc<Tlas>) -> bool {
+    if Arc::ptr_eq(own, other) {
+        return true;
+    }
+    let (own, others) = (own.instances(), other.instances());
+    own.len() == others.len()
+        && own.iter().zip(others).all(|(own, other)| {
+            own.transform == other.transform
+                && own.motion == other.motion
+                && own.custom_index == other.custom_index
+                && own.mask == other.mask
+                && own.sbt_record_offset == other.sbt_record_offset
+                && own.flags == other.flags
+                && own.blas.geometries() == other.blas.geometries()
+        })
+}
 
 #[cfg(test)]
 mod tests {

@@ -2,8 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::accel::Tlas;
-use crate::machine::buffer::Buffer;
+use crate::machine::device_memory::{buffers_equal, structures_equal};
 use crate::machine::image::Image;
 use crate::machine::resource::{Descriptor, Resources};
 
@@ -46,32 +45,7 @@ fn descriptors_equal(own: &Descriptor, other: &Descriptor) -> bool {
     }
 }
 
-/// Returns whether two buffers have the same bytes.
-pub(super) fn buffers_equal(own: &Buffer, other: &Buffer) -> bool {
-    own.is_null() == other.is_null()
-        && own.size() == other.size()
-        && (own.is_same(other) || own.bytes() == other.bytes())
-}
-
 fn images_equal(own: &Arc<Image>, other: &Arc<Image>) -> bool {
     let same_kind = || own.is_null() == other.is_null() && own.shape() == other.shape();
     Arc::ptr_eq(own, other) || own.format() == other.format() && same_kind() && own.bytes() == other.bytes()
-}
-
-/// Returns whether two structures have the same instances of the same geometries.
-pub(super) fn structures_equal(own: &Arc<Tlas>, other: &Arc<Tlas>) -> bool {
-    if Arc::ptr_eq(own, other) {
-        return true;
-    }
-    let (own, others) = (own.instances(), other.instances());
-    own.len() == others.len()
-        && own.iter().zip(others).all(|(own, other)| {
-            own.transform == other.transform
-                && own.motion == other.motion
-                && own.custom_index == other.custom_index
-                && own.mask == other.mask
-                && own.sbt_record_offset == other.sbt_record_offset
-                && own.flags == other.flags
-                && own.blas.geometries() == other.blas.geometries()
-        })
 }

@@ -1,10 +1,9 @@
 //! Scalars that enter from outside, and the one rule by which they become a shader's.
 //!
-//! | given | takes it | refused |
-//! |---|---|---|
-//! | bool | `bool` | numbers |
-//! | integer | integers of every width and sign whose range holds it; device addresses | `bool`, floats, what is out of range |
-//! | float | floats of every format, rounded once to nearest even; NaN and infinities as such | `bool`, integers, what overflows, what is not 0 and rounds to 0 |
+//! * A bool becomes a `bool`.
+//! * An integer becomes an integer of any width and sign whose range holds it, or a device address.
+//! * A float becomes a float of any format, rounded once to nearest even. What overflows, and what
+//!   is not 0 and rounds to 0, is refused; NaN and infinities stay.
 
 use crate::math::float_format::FloatFormat;
 use crate::module::ty::Type;

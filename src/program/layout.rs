@@ -139,7 +139,8 @@ impl<'a> Layout<'a> {
         })
     }
 
-    /// Bytes between the components of a vector: a column of a row-major matrix has one in each row.
+    /// Bytes between the components of a vector: a column of a row-major matrix has one in each
+    /// row.
     pub(crate) fn component_stride(self, component: usize) -> usize {
         match self.matrix.filter(|_| self.explicit()) {
             Some(MatrixLayout { stride, row_major: true }) => stride as usize,

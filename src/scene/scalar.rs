@@ -139,9 +139,9 @@ impl Scalar {
 /// The bits of a float, rounded once from the decimal text; an error of the text's place where it
 /// is out of range, or is not 0 and rounds to 0.
 ///
-/// Formats of 8 and 16 bits are rounded by way of f64: 53 bits are more than twice the 11 of a half,
-/// plus two, so double rounding has no effect unless the decimal lies within 2^-53 of a tie without
-/// being one.
+/// Formats of 8 and 16 bits are rounded by way of f64: 53 bits are more than twice the 11 of a
+/// half, plus two, so double rounding has no effect unless the decimal lies within 2^-53 of a tie
+/// without being one.
 pub(super) fn float_bits(value: TomlValue<'_>, format: FloatFormat, name: &str) -> Option<u64> {
     let wide = f64::parse(value)?;
     let narrow = match format {

@@ -134,8 +134,7 @@ impl Suite {
                 }
             }
             if let (Outcome::Passed, Some(levels)) = (&outcome, &options.sanitize) {
-                let found = tester.sanitized(levels).map(|run| run.findings);
-                outcome = tester.judge(found, &mut findings);
+                outcome = tester.judge_sanitized(tester.sanitized(levels), &mut findings);
             }
             if let (Outcome::Passed, Some(drawn)) = (&outcome, &options.many_seeds) {
                 outcome = tester.judge(tester.drawn(drawn), &mut findings);

@@ -111,6 +111,24 @@ impl Tester<'_> {
         }
     }
 
+    /// The outcome of a test that passed but for what the sanitizer says. It runs what is eliminated
+    /// otherwise: a trap that the test does not expect is a failure, too.
+    pub(super) fn judge_sanitized(&self, run: Result<SanitizedRun>, all: &mut Findings) -> Outcome {
+        let (outcome, found) = match run {
+            Ok(SanitizedRun { outcome, findings }) => (outcome.err(), Ok(findings)),
+            Err(error) => (None, Err(error)),
+        };
+        let trap = outcome
+            .filter(|error| error.kind() == ErrorKind::Trap && self.loaded.expectations.trap.is_none());
+        match (self.judge(found, all), trap) {
+            (Outcome::Passed, Some(trap)) => {
+                let trap = trap.context("a shader trapped under the sanitizer");
+                self.outcome(vec![Difference::of(trap)], None, self.part())
+            }
+            (outcome, _) => outcome,
+        }
+    }
+
     /// The outcome of a test that passed but for findings, which are kept.
     pub(super) fn judge(&self, found: Result<Findings>, all: &mut Findings) -> Outcome {
         match found {

@@ -53,6 +53,7 @@ const OVERLAP: &str = "SPIR-V, 2.16.2: ArrayStride, MatrixStride and Offset are 
                        affect, and strides are above 0";
 const DECORATED: &str = "SPIR-V, 2.16.2: members have an Offset, arrays an ArrayStride, matrices a MatrixStride and \
                          RowMajor or ColMajor";
+const ONCE: &str = "SPIR-V, 2.16.1: a target has a decoration once";
 pub(super) const RUNTIME_ARRAY: &str = "VUID-StandaloneSpirv-OpTypeRuntimeArray-04680";
 
 /// Storage classes, numbers of the specification.
@@ -105,7 +106,6 @@ pub fn find_layout_fault(
         length,
         sizes: SizeComputation::new(module, length),
         alignment,
-        is_required: storage_class != SHADER_RECORD_BUFFER,
         alignments: HashMap::new(),
         visited: HashSet::new(),
     };
@@ -137,8 +137,6 @@ struct Checker<'a> {
     length: &'a dyn Fn(Id) -> Option<u64>,
     sizes: SizeComputation<'a>,
     alignment: Alignment,
-    /// Whether a missing decoration is a fault.
-    is_required: bool,
     /// Alignments of structs.
     alignments: HashMap<(TypeId, Alignment), Option<u64>>,
     /// Structs and arrays that were checked, each with its offset modulo [`STRADDLE`].
@@ -172,11 +170,14 @@ impl Checker<'_> {
         let mut ordered = Vec::with_capacity(members.len());
         for (index, member) in members.iter().enumerate() {
             match member.offset {
-                Some(offset) => ordered.push((u64::from(offset), index)),
-                None if self.is_required => {
-                    return self.fault(ty, index, "has no Offset", DECORATED);
+                Some(offset) => {
+                    if let Some(other) = self.other_offset(ty, index, offset) {
+                        let what = format!("has the Offset {offset} and the Offset {other}");
+                        return self.fault(ty, index, &what, ONCE);
+                    }
+                    ordered.push((u64::from(offset), index));
                 }
-                None => {}
+                None => return self.fault(ty, index, "has no Offset", DECORATED),
             }
         }
         ordered.sort_unstable();
@@ -274,16 +275,17 @@ impl Checker<'_> {
             return Ok(());
         }
         let Some(stride) = stride.map(u64::from) else {
-            return match self.is_required {
-                true => self.owner_fault(part, "has an array without an ArrayStride", DECORATED),
-                false => Ok(()),
-            };
+            return self.owner_fault(part, "has an array without an ArrayStride", DECORATED);
         };
+        if let Some(other) = self.strides(part.ty).find(|other| *other != stride) {
+            let what = format!("has an array of ArrayStride {stride} and of ArrayStride {other}");
+            return self.owner_fault(part, &what, ONCE);
+        }
         if stride == 0 {
             return self.owner_fault(part, "has an array of ArrayStride 0", OVERLAP);
         }
-        if let Some(alignment) = self.alignment_of(part, self.alignment)
-            && let Some(stride) = self.strides(part.ty).find(|stride| !stride.is_multiple_of(alignment))
+        if let Some(alignment) =
+            self.alignment_of(part, self.alignment).filter(|&to| !stride.is_multiple_of(to))
         {
             let what = format!("has an array of ArrayStride {stride}, not aligned to {alignment} bytes");
             return self.owner_fault(part, &what, self.alignment_rule());
@@ -300,7 +302,16 @@ impl Checker<'_> {
             .try_for_each(|index| self.part(part.element(element), offset.wrapping_add(index * stride)))
     }
 
-    /// Every `ArrayStride` of an array type: one that contradicts another must be aligned, too.
+    /// An `Offset` of a member that contradicts another.
+    fn other_offset(&self, ty: TypeId, index: usize, offset: u32) -> Option<u32> {
+        const OFFSET: u32 = 35;
+        let id = self.module.id_of_type(ty)?;
+        let decorations = self.module.decorations.of_member.get(&(id, index as u32))?;
+        let offsets = decorations.iter().filter(|one| one.number == OFFSET);
+        offsets.filter_map(|one| one.operands.first().copied()).find(|other| *other != offset)
+    }
+
+    /// Every `ArrayStride` of an array type.
     fn strides(&self, array: TypeId) -> impl Iterator<Item = u64> {
         const ARRAY_STRIDE: u32 = 6;
         let decorations = self.module.id_of_type(array).and_then(|id| self.module.decorations.of_id.get(&id));
@@ -313,16 +324,17 @@ impl Checker<'_> {
         let Type::Matrix { column, count } = *module.ty(part.ty) else { return Ok(()) };
         let Type::Vector { component, count: rows } = *module.ty(column) else { return Ok(()) };
         let Some(layout) = part.matrix else {
-            return match self.is_required {
-                true => self.owner_fault(part, "is a matrix without a MatrixStride", DECORATED),
-                false => Ok(()),
+            // What a pointer leads to has the layout of a member that is not known here.
+            return match part.owner {
+                Some(_) => self.owner_fault(part, "is a matrix without a MatrixStride", DECORATED),
+                None => Ok(()),
             };
         };
         let stride = u64::from(layout.stride);
         if stride == 0 {
             return self.owner_fault(part, "is a matrix of MatrixStride 0", OVERLAP);
         }
-        if self.is_required && !self.has_order(part) {
+        if !self.has_order(part) {
             return self.owner_fault(part, "is a matrix with neither RowMajor nor ColMajor", DECORATED);
         }
         if let Some(alignment) =
