@@ -19,7 +19,7 @@ fn options() -> CompileOptions {
 
 impl Module {
     /// Opens a module: a file of SPIR-V, or a source in GLSL, WGSL, Slang or HLSL by its extension,
-    /// which is compiled [once](super::compile_once) with line numbers.
+    /// which is compiled once with line numbers.
     ///
     /// # Errors
     /// `Io` where the file cannot be read, those of [`load()`], with the file named, and for a
@@ -112,7 +112,7 @@ impl Module {
     }
 
     /// A module from a source and options, within the source's limits; compiled
-    /// [once](super::compile_once).
+    /// once.
     ///
     /// # Errors
     /// As [`Module::open`].

@@ -11,13 +11,15 @@ use crate::math::real::Real;
 /// `math::error_bound` asks for:
 ///
 /// ```text
-/// d x v           c |d| |v|            rounding 2u, v 1u, d κ; second order κ u d . v           c
-/// |d| |v|            3u, 1u, κ d x w           |d| ρ                2u, w 1u + origin, d κ; second
-/// order κ origin <= origin / 1024 d . w           |d| ρ                3u, 1u + origin, κ w x v, w
-/// . v    |v| ρ                at most 3u, 1u + origin, 1u w . (d x v)     |d| |v| ρ            3u,
-/// 1u + origin, 3u + κ of d x v v . (d x v')    c |d| |v| |v'|       3u, 1u, 3u + κ d . (w x v)
-/// |d| |v| ρ            3u, κ, 4u + origin of w x v v . (w x v')    |v| |v'| ρ           3u, 1u, 4u
-/// + origin
+/// d x v           c |d| |v|            rounding 2u, v 1u, d κ; second order κ u
+/// d . v           c |d| |v|            3u, 1u, κ
+/// d x w           |d| ρ                2u, w 1u + origin, d κ; second order κ origin <= origin / 1024
+/// d . w           |d| ρ                3u, 1u + origin, κ
+/// w x v, w . v    |v| ρ                at most 3u, 1u + origin, 1u
+/// w . (d x v)     |d| |v| ρ            3u, 1u + origin, 3u + κ of d x v
+/// v . (d x v')    c |d| |v| |v'|       3u, 1u, 3u + κ
+/// d . (w x v)     |d| |v| ρ            3u, κ, 4u + origin of w x v
+/// v . (w x v')    |v| |v'| ρ           3u, 1u, 4u + origin
 /// ```
 ///
 /// each at most 9u of its rounding share, where c has 12u.

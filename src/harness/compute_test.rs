@@ -35,13 +35,22 @@ use crate::sorted::SortedMap;
 /// @group(0) @binding(1) var<storage, read_write> sums: array<u32>;
 /// var<workgroup> shared_numbers: array<u32, 4>;
 ///
-/// @compute @workgroup_size(4) fn sum(@builtin(local_invocation_index) local: u32,
-/// @builtin(global_invocation_id) id: vec3u, @builtin(workgroup_id) group: vec3u) {
-/// shared_numbers[local] = numbers[id.x]; workgroupBarrier(); if (local == 0u) { sums[group.x] =
-/// shared_numbers[0] + shared_numbers[1] + shared_numbers[2] + shared_numbers[3]; } }"; let module
-/// = Module::from_source("sum.wgsl", SUM)?; let outcome = ComputeTest::new(&module, "sum")?
-/// .buffer(0, 0, &[1u32, 2, 3, 4, 10, 20, 30, 40]) .buffer(0, 1, &[0u32; 2]) .workgroups([2, 1, 1])
-/// .run()?; assert_eq!(outcome.read_buffer::<u32>(0, 1)?, [10, 100]);
+/// @compute @workgroup_size(4)
+/// fn sum(@builtin(local_invocation_index) local: u32, @builtin(global_invocation_id) id: vec3u,
+///        @builtin(workgroup_id) group: vec3u) {
+///     shared_numbers[local] = numbers[id.x];
+///     workgroupBarrier();
+///     if (local == 0u) {
+///         sums[group.x] = shared_numbers[0] + shared_numbers[1] + shared_numbers[2] + shared_numbers[3];
+///     }
+/// }";
+/// let module = Module::from_source("sum.wgsl", SUM)?;
+/// let outcome = ComputeTest::new(&module, "sum")?
+///     .buffer(0, 0, &[1u32, 2, 3, 4, 10, 20, 30, 40])
+///     .buffer(0, 1, &[0u32; 2])
+///     .workgroups([2, 1, 1])
+///     .run()?;
+/// assert_eq!(outcome.read_buffer::<u32>(0, 1)?, [10, 100]);
 /// # Ok(())
 /// # }
 /// ```
@@ -164,14 +173,15 @@ impl ComputeTest {
     /// use anyhit::{ComputeTest, ErrorKind, Module};
     ///
     /// # fn main() -> anyhit::Result<()> {
-    /// // The time of a clip is taken modulo its length, which is 0 for the second of four. let
-    /// module = Module::open("spirv-fixtures/sanitize/frem-zero/broken.comp.spv")?; let lengths =
-    /// [2.0f32, 0.0, 0.5, 10.0]; let clips = lengths.iter().flat_map(|&seconds| [seconds, 24.0,
-    /// 0.0, 1.0]); let clips: Vec<f32> = [7.5, 0.0, 0.0, 0.0].into_iter().chain(clips).collect();
-    /// let test = ComputeTest::new(&module, "main")?.buffer(0, 1, &[0.0f32; 4]).buffer(0, 2,
-    /// &clips); let error = test.sanitize().unwrap_err(); assert_eq!(error.kind(),
-    /// ErrorKind::Finding); assert!(error.message().starts_with("the remainder of 7.5 divided by
-    /// zero"));
+    /// // The time of a clip is taken modulo its length, which is 0 for the second of four.
+    /// let module = Module::open("spirv-fixtures/sanitize/frem-zero/broken.comp.spv")?;
+    /// let lengths = [2.0f32, 0.0, 0.5, 10.0];
+    /// let clips = lengths.iter().flat_map(|&seconds| [seconds, 24.0, 0.0, 1.0]);
+    /// let clips: Vec<f32> = [7.5, 0.0, 0.0, 0.0].into_iter().chain(clips).collect();
+    /// let test = ComputeTest::new(&module, "main")?.buffer(0, 1, &[0.0f32; 4]).buffer(0, 2, &clips);
+    /// let error = test.sanitize().unwrap_err();
+    /// assert_eq!(error.kind(), ErrorKind::Finding);
+    /// assert!(error.message().starts_with("the remainder of 7.5 divided by zero"));
     /// # Ok(())
     /// # }
     /// ```

@@ -50,7 +50,8 @@ impl TypedBytes {
         self.layout().read(&self.bytes)
     }
 
-    /// The value as a plain Rust type: see [`layout`](crate::harness::layout) for how scalars lie.
+    /// The value as a plain Rust type: its scalars follow each other as
+    /// `docs/testing.md` says under "Reading values".
     ///
     /// # Errors
     /// `InvalidArgument` where size or types differ; it shows both layouts.

@@ -271,10 +271,9 @@ vectors! {
 /// let module = Module::from_source("params.wgsl", source)?;
 /// StructData::of(&module, "Sun")?.check_host_layout::<Sun>()?;
 ///
-/// // In the shader `sun` begins at byte 16, since a vec3f is aligned to 16 bytes. let error =
-/// StructData::of(&module, "Params")?.check_host_layout::<Params>().unwrap_err();
-/// assert!(error.message().contains("`sun.direction` begins at byte 16 in the shader, at byte 4
-/// in"));
+/// // In the shader `sun` begins at byte 16, since a vec3f is aligned to 16 bytes.
+/// let error = StructData::of(&module, "Params")?.check_host_layout::<Params>().unwrap_err();
+/// assert!(error.message().contains("`sun.direction` begins at byte 16 in the shader, at byte 4 in"));
 /// # Ok(())
 /// # }
 /// ```

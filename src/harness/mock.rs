@@ -107,13 +107,19 @@ impl TraceCall {
     ///
     /// ```
     /// # use anyhit::{Instance, Module, ShaderTest};
-    /// # let module =
-    /// Module::open("spirv-fixtures/pass/hit-object/trace-and-execute/main.rgen.spv")?; let outcome
-    /// = ShaderTest::new(&module, "main")? .buffer(0, 1, &[[0.0f32; 16]]) .on_trace(|trace| {
-    /// trace.hit(Instance::triangle([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])); Ok(())
-    /// }) .on_execute(|call| { assert_eq!(call.hit.map(|hit| hit.t), Some(4.0));
-    /// call.payload.set("[1]", 7.0f32) }) .run()?; assert_eq!(outcome.buffer(0,
-    /// 1)?["outputs"][0][11].f32(), 7.0);
+    /// # let module = Module::open("spirv-fixtures/pass/hit-object/trace-and-execute/main.rgen.spv")?;
+    /// let outcome = ShaderTest::new(&module, "main")?
+    ///     .buffer(0, 1, &[[0.0f32; 16]])
+    ///     .on_trace(|trace| {
+    ///         trace.hit(Instance::triangle([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]));
+    ///         Ok(())
+    ///     })
+    ///     .on_execute(|call| {
+    ///         assert_eq!(call.hit.map(|hit| hit.t), Some(4.0));
+    ///         call.payload.set("[1]", 7.0f32)
+    ///     })
+    ///     .run()?;
+    /// assert_eq!(outcome.buffer(0, 1)?["outputs"][0][11].f32(), 7.0);
     /// # Ok::<(), anyhit::Error>(())
     /// ```
     pub fn hit(&mut self, instance: impl Into<Instance>) {

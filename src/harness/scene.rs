@@ -25,9 +25,9 @@ pub use crate::harness::instance::Instance;
 /// use anyhit::{Instance, Module, Pipeline, Program, Ray, Scene};
 ///
 /// # fn main() -> anyhit::Result<()> {
-/// let folder = "spirv-fixtures/pass/sphere/closest-hit"; let shader = |name|
-/// Program::of(&Module::open(format!("{folder}/{name}"))?, "main"); let pipeline =
-/// Pipeline::builder().hit([shader("main.rchit.spv")?])?.miss(shader("main.rmiss.spv")?)?.build()?;
+/// let folder = "spirv-fixtures/pass/sphere/closest-hit";
+/// let shader = |name| Program::of(&Module::open(format!("{folder}/{name}"))?, "main");
+/// let pipeline = Pipeline::builder().hit([shader("main.rchit.spv")?])?.miss(shader("main.rmiss.spv")?)?.build()?;
 ///
 /// let scene = Scene::new([
 ///     Instance::sphere([0.0, 0.0, 0.0], 0.5).translate([0.0, 0.0, -3.0]),

@@ -62,7 +62,7 @@ pub struct ShaderOutcome {
 
 impl ShaderOutcome {
     /// The payload, or the callable data, as a plain Rust type: see
-    /// [`layout`](crate::harness::layout) for how its scalars lie.
+    /// `docs/testing.md`, "Reading values", for how its scalars lie.
     ///
     /// # Errors
     /// `InvalidArgument` where size or types differ; it shows both layouts.

@@ -79,7 +79,7 @@ impl RayOperands {
     }
 
     /// Sets the payload from a plain Rust type, whose size is a multiple of four bytes: see
-    /// [`layout`](crate::harness::layout) for how its scalars lie.
+    /// `docs/testing.md`, "Reading values", for how its scalars lie.
     #[must_use]
     pub fn payload<T: NoUninit + Debug>(self, payload: &T) -> Self {
         let word = |chunk: &[u8]| {
@@ -152,7 +152,7 @@ pub struct Traced {
 }
 
 impl Traced {
-    /// The payload as a plain Rust type: see [`layout`](crate::harness::layout).
+    /// The payload as a plain Rust type: see `docs/testing.md`, "Reading values".
     ///
     /// # Errors
     /// `InvalidArgument` where size or types differ; it shows both layouts.
@@ -249,11 +249,11 @@ impl Pipeline {
     /// use anyhit::{Module, Pipeline, Program, Scene};
     ///
     /// # fn main() -> anyhit::Result<()> {
-    /// // Each invocation adds its index, counted from 1, to its number. let module =
-    /// Module::open("spirv-fixtures/pass/harness/conversions/accumulate.rgen.spv")?; let pipeline =
-    /// Pipeline::builder().ray_generation(Program::of(&module, "main")?)?.build()?; # let picture =
-    /// anyhit::Image::plane(anyhit::Format::new(anyhit::Component::Uint32, 1), 2, 1)?; let mut
-    /// scene = Scene::new([])?.buffer(0, 0, &[10u32, 20]).image(0, 1, picture);
+    /// // Each invocation adds its index, counted from 1, to its number.
+    /// let module = Module::open("spirv-fixtures/pass/harness/conversions/accumulate.rgen.spv")?;
+    /// let pipeline = Pipeline::builder().ray_generation(Program::of(&module, "main")?)?.build()?;
+    /// # let picture = anyhit::Image::plane(anyhit::Format::new(anyhit::Component::Uint32, 1), 2, 1)?;
+    /// let mut scene = Scene::new([])?.buffer(0, 0, &[10u32, 20]).image(0, 1, picture);
     ///
     /// let first = pipeline.launch_mut(&mut scene, [2, 1, 1])?;
     /// pipeline.launch_mut(&mut scene, [2, 1, 1])?;

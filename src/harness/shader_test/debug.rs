@@ -28,11 +28,11 @@ impl ShaderTest {
     /// use anyhit::{Hit, Module, Ray, ShaderTest};
     ///
     /// # fn main() -> anyhit::Result<()> {
-    /// let module = Module::open("spirv-fixtures/pass/sphere/closest-hit/main.rchit.spv")?; let
-    /// test = ShaderTest::new(&module, "main")? .hit(Hit::sphere([0.0, 0.0, 0.0],
-    /// 0.5).ray(Ray::new([0.0, 0.0, 4.0], [0.0, 0.0, -1.0]))); let transcript = test.debug("print
-    /// gl_HitTEXT")?; assert!(transcript.ends_with("(anyhit) print gl_HitTEXT\ngl_HitTEXT = float
-    /// 3.5\n"));
+    /// let module = Module::open("spirv-fixtures/pass/sphere/closest-hit/main.rchit.spv")?;
+    /// let test = ShaderTest::new(&module, "main")?
+    ///     .hit(Hit::sphere([0.0, 0.0, 0.0], 0.5).ray(Ray::new([0.0, 0.0, 4.0], [0.0, 0.0, -1.0])));
+    /// let transcript = test.debug("print gl_HitTEXT")?;
+    /// assert!(transcript.ends_with("(anyhit) print gl_HitTEXT\ngl_HitTEXT = float 3.5\n"));
     /// # Ok(())
     /// # }
     /// ```

@@ -144,13 +144,13 @@ impl Module {
     /// use anyhit::{Module, ValidationClass};
     ///
     /// # fn main() -> anyhit::Result<()> {
-    /// // Version 1.6, `OpCapability Shader`, `OpMemoryModel Logical GLSL450`, `%1 = OpTypeFloat
-    /// 64`. let words = [0x0723_0203, 0x0001_0600, 0, 2, 0, 0x0002_0011, 1, 0x0003_000e, 0, 1,
-    /// 0x0003_0016, 1, 64]; let bytes: Vec<u8> = words.iter().flat_map(|word: &u32|
-    /// word.to_le_bytes()).collect(); let findings = Module::from_spirv(&bytes)?.validate();
-    /// assert_eq!(findings[0].class, ValidationClass::Capability); assert_eq!((findings[0].word,
-    /// findings[0].id), (10, Some(1))); assert_eq!(findings[0].fix, "declare `OpCapability
-    /// Float64`");
+    /// // Version 1.6, `OpCapability Shader`, `OpMemoryModel Logical GLSL450`, `%1 = OpTypeFloat 64`.
+    /// let words = [0x0723_0203, 0x0001_0600, 0, 2, 0, 0x0002_0011, 1, 0x0003_000e, 0, 1, 0x0003_0016, 1, 64];
+    /// let bytes: Vec<u8> = words.iter().flat_map(|word: &u32| word.to_le_bytes()).collect();
+    /// let findings = Module::from_spirv(&bytes)?.validate();
+    /// assert_eq!(findings[0].class, ValidationClass::Capability);
+    /// assert_eq!((findings[0].word, findings[0].id), (10, Some(1)));
+    /// assert_eq!(findings[0].fix, "declare `OpCapability Float64`");
     /// # Ok(())
     /// # }
     /// ```
