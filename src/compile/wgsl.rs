@@ -1,5 +1,6 @@
 //! Compiles WGSL with naga.
 
+use naga::back::pipeline_constants::{PipelineConstantError, process_overrides};
 use naga::back::spv;
 use naga::valid::{Capabilities, ModuleInfo, ValidationError, ValidationFlags, Validator};
 use naga::{Arena, Block, Function, Module, Span, UniqueArena};
@@ -45,6 +46,23 @@ fn translate(source: &Source, options: &CompileOptions) -> Result<Compiled> {
         invalid(source, message, spans.into_iter().chain(of_type.map(|span| (span, String::new()))))
     })?;
 
+    // SPIR-V has the overrides' defaults: naga writes no specialization constants.
+    let constants = naga::back::PipelineConstants::default();
+    let (module, info) =
+        process_overrides(&module, &info, None, &constants).map_err(|error| match error {
+            PipelineConstantError::MissingValue(name) => {
+                let is_named = |one: &naga::Override| {
+                    one.name.as_deref() == Some(&name) || one.id.is_some_and(|id| id.to_string() == name)
+                };
+                let found = module.overrides.iter().find(|(_, one)| is_named(one));
+                let span = found.map(|(handle, _)| (module.overrides.get_span(handle), String::new()));
+                let message = format!("the override `{name}` has no default value, and none can be given");
+                invalid(source, message, span.into_iter())
+            }
+            error => invalid(source, error.to_string(), std::iter::empty()),
+        })?;
+    let (module, info) = (module.as_ref(), info.as_ref());
+
     let mut flags = spv::WriterFlags::empty();
     let debug_info = (options.debug != DebugInfoLevel::Names).then(|| spv::DebugInfo {
         source_code: text,
@@ -63,19 +81,19 @@ fn translate(source: &Source, options: &CompileOptions) -> Result<Compiled> {
         trace_ray_argument_validation: false,
         ..spv::Options::default()
     };
-    let words = contained("naga", ErrorKind::InvalidSource, || write(source, &module, &info, &settings));
+    let words = contained("naga", ErrorKind::InvalidSource, || write(source, module, info, &settings));
     let words = words.map_err(|error| {
         let is_panic = |module: &naga::Module| {
             let is_written = |module| {
                 contained("naga", ErrorKind::InvalidSource, || {
                     // An error other than a panic is a result, too.
-                    let _ = spv::write_vec(module, &info, &settings, None);
+                    let _ = spv::write_vec(module, info, &settings, None);
                     Ok(())
                 })
             };
             is_written(module).is_err()
         };
-        match panic_place(&module, &is_panic).filter(|_| is_panic(&module)) {
+        match panic_place(module, &is_panic).filter(|_| is_panic(module)) {
             Some(span) => labelled(source, error, [(span, String::new())].into_iter()),
             None => error,
         }
@@ -212,6 +230,28 @@ mod tests {
         let error = source.compile(&CompileOptions::default()).unwrap_err();
         assert_eq!(error.kind(), ErrorKind::InvalidSource);
         error.render()
+    }
+
+    /// WGSL, "override Declarations": without a value from the pipeline an override has that of its
+    /// initializer.
+    #[test]
+    fn overrides_have_their_defaults() {
+        let text = "override n: u32 = 4u; override twice: u32 = n * 2u; var<workgroup> w: array<u32, 8>;\n\
+                    @group(0) @binding(0) var<storage, read_write> o: array<u32>;\n\
+                    @compute @workgroup_size(n) fn main() { o[0] = twice; }";
+        let source = Source::from_text("over.wgsl", text).unwrap();
+        let module =
+            crate::module::load(&compile(&source, &CompileOptions::default()).unwrap().spirv).unwrap();
+        let program =
+            crate::program::lower(&std::sync::Arc::new(module.clone()), &module.entry_points[0]).unwrap();
+        assert_eq!(program.workgroup.map(|layout| layout.size), Some([4, 1, 1]));
+        let source = Source::from_text("over.wgsl", text.replace(" = 4u", "")).unwrap();
+        let Err(error) = compile(&source, &CompileOptions::default()) else { panic!("a value") };
+        let error = error.render();
+        assert!(
+            error.contains("the override `n` has no default value") && error.contains("over.wgsl:1:"),
+            "{error}"
+        );
     }
 
     #[test]

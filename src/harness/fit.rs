@@ -257,7 +257,7 @@ fn boundary_misfit(
     let mut row = host.size;
     for length in lengths[1..].iter().rev() {
         row *= length;
-        let rows = if row == 0 { 0 } else { rust.size / row };
+        let rows = rust.size.checked_div(row).unwrap_or(0);
         for index in (1..rows).take(BOUNDARIES) {
             let at = index * row;
             let is_start = match (&scalars.runtime, &element) {

@@ -107,7 +107,14 @@ impl ResourceArgument {
                 None => Err(invalid(format!("`--{name} {text}`: [SET,]BINDING=... is needed"))),
             }
         });
-        given.collect()
+        let given: Vec<Self> = given.collect::<Result<_>>()?;
+        for (index, one) in given.iter().enumerate() {
+            let is_same = |other: &&Self| other.binding == one.binding && other.element == one.element;
+            if let Some(other) = given[..index].iter().find(is_same) {
+                return Err(invalid(format!("`{}` and `{}` are for one binding", other.flag, one.flag)));
+            }
+        }
+        Ok(given)
     }
 }
 
