@@ -53,12 +53,12 @@ fn every_type_is_shown_and_crosses_threads() {
         ($($name:ident)*) => { $(holds::<anyhit::$name>(&mut held);)* };
     }
     all! {
-        AddressMode Band Buffer CallableCall Case CompareOp CompileOptions CompilerFlags Component
+        AddressMode Band BorderColor Buffer CallableCall Case CompareOp CompileOptions CompilerFlags Component
         ComputeOutcome ComputeTest DebugInfoLevel Descriptor DescriptorElement DeviceBuffers DeviceProfile
         Dimension EndCaps EntryPoint Error ErrorKind ExecuteCall Exit ExplainRequest Filter Format
         GeometryData GeometryFlags Hit HitKind HitRecord Image ImageShape Indexing InputLimit InputLimits
-        Instance InstanceFlags Language LaunchLimits Launched LoadedScene Module Motion Optimize Pipeline
-        PipelineBuilder PipelineFlags Place PrintedLine Program Ray RayFlags RayOperands ReportedHit Sampler
+        Instance InstanceFlags Language LaunchLimits Launched LoadedScene Module Motion NestedScalars Optimize Pipeline
+        PipelineBuilder PipelineFlags Place Precision PrintedLine Program Ray RayFlags RayOperands ReportedHit Sampler ScalarValue
         Sbt SbtRecord Scene SceneOutcome ShaderFrame ShaderOutcome ShaderTest SmokeOptions SmokeReport
         Source Srt Stage Stats StreamedImage StructData Texels TraceCall TraceRay Traced Trap TrapCode
         TrapOperands TypedBytes ValidationClass ValidationFinding Value Warning WarningReports

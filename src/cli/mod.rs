@@ -41,6 +41,7 @@ mod test;
 mod trace_one_ray;
 mod verify;
 
+use std::ffi::OsString;
 use std::process::ExitCode;
 
 use clap::builder::{PossibleValue, PossibleValuesParser};
@@ -48,6 +49,7 @@ use clap::error::{ContextKind, ContextValue};
 use clap::{CommandFactory, Parser};
 
 use crate::error::Result;
+use crate::escape;
 
 /// Generates the enum of commands and its dispatch from one line for each command: the file, the
 /// variant, the arguments.
@@ -110,7 +112,7 @@ fn batch_widths() -> PossibleValuesParser {
 /// It handles signals of the whole process, and so is for a program that does nothing else.
 pub fn main() -> ExitCode {
     interrupt::prepare();
-    let run = match CommandLine::try_parse() {
+    let run = match CommandLine::try_parse().map_err(|error| in_escapes(error, std::env::args_os())) {
         Ok(line) => line.command.run(),
         Err(error) => match output::command_line(&error) {
             Ok(()) => {
@@ -128,6 +130,13 @@ pub fn main() -> ExitCode {
     let Err(error) = run else { return ExitCode::SUCCESS };
     output::report(&error);
     ExitCode::from(error.class().exit_code())
+}
+
+/// Parses a command line that clap does not take once more, with control characters as escapes:
+/// clap repeats arguments in its answer.
+fn in_escapes(answer: clap::Error, arguments: impl Iterator<Item = OsString>) -> clap::Error {
+    let escaped = arguments.map(|one| escape::line(&one.to_string_lossy()).into_owned());
+    CommandLine::try_parse_from(escaped).err().unwrap_or(answer)
 }
 
 /// The commands of a build with all features that others lack, each with its feature.
@@ -169,6 +178,18 @@ mod tests {
             let is_built = built.iter().any(|&(built, is_built)| built == feature && is_built);
             assert_eq!(command().find_subcommand(name).is_some(), is_built, "{name}");
         }
+    }
+
+    #[test]
+    fn no_argument_begins_a_line_of_an_answer() {
+        let line = ["anyhit", "run", "m.comp", "--limit", "v\n::error::pwn=3"];
+        let answer = CommandLine::try_parse_from(line).err().unwrap();
+        let answer = in_escapes(answer, line.iter().map(OsString::from)).to_string();
+        assert!(answer.contains("::error::pwn") && !answer.contains("\n::error::"), "{answer}");
+        let line = ["anyhit", "test", "d", "--bogus\n::error::pwn"];
+        let answer = CommandLine::try_parse_from(line).err().unwrap();
+        let answer = in_escapes(answer, line.iter().map(OsString::from)).to_string();
+        assert!(answer.contains("--bogus") && !answer.contains("\n::error::"), "{answer}");
     }
 
     #[test]

@@ -60,6 +60,7 @@ impl Precision {
     pub const ALL: [Self; 3] = [Self::Float, Self::Double, Self::Exact];
 
     /// Its name in scene files and on the command line.
+    #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
             Self::Float => "float",

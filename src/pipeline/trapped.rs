@@ -276,7 +276,7 @@ pub(super) fn spent_together(program: Option<&Program>, launch_id: [u32; 3], dog
 pub(super) fn timed_out(launch_id: [u32; 3], code: TrapCode, dog: &Watchdog) -> Trapped {
     let [x, y, z] = launch_id;
     let error = Error::trapped(Trap { launch_id, ..Trap::new(code) }).note(format!(
-        "invocations up to launch id ({x}, {y}, {z}) have ended, none of them in an endless loop: the launch has too \
+        "invocations up to ({x}, {y}, {z}) have ended, none of them in an endless loop: the launch has too \
          many for its time"
     ));
     let error = with_limit(error, code, 0, Some(dog));

@@ -95,7 +95,7 @@ fn notes(location: &SourceLocation, found: &LineFindings) -> String {
         let _ = write!(text, "\n      {source}");
     }
     if let Some([x, y, z]) = found.launch_id {
-        let _ = write!(text, "\n      worst at launch id ({x}, {y}, {z})");
+        let _ = write!(text, "\n      worst at ({x}, {y}, {z})");
     }
     text
 }

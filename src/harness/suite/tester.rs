@@ -111,8 +111,8 @@ impl Tester<'_> {
         }
     }
 
-    /// The outcome of a test that passed but for what the sanitizer says. It runs what is eliminated
-    /// otherwise: a trap that the test does not expect is a failure, too.
+    /// The outcome of a test that passed but for what the sanitizer says. It runs what is
+    /// eliminated otherwise: a trap that the test does not expect is a failure, too.
     pub(super) fn judge_sanitized(&self, run: Result<SanitizedRun>, all: &mut Findings) -> Outcome {
         let (outcome, found) = match run {
             Ok(SanitizedRun { outcome, findings }) => (outcome.err(), Ok(findings)),

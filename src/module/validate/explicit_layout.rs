@@ -106,6 +106,8 @@ pub fn find_layout_fault(
         length,
         sizes: SizeComputation::new(module, length),
         alignment,
+        // No rule was found for the records.
+        is_required: storage_class != SHADER_RECORD_BUFFER,
         alignments: HashMap::new(),
         visited: HashSet::new(),
     };
@@ -137,6 +139,8 @@ struct Checker<'a> {
     length: &'a dyn Fn(Id) -> Option<u64>,
     sizes: SizeComputation<'a>,
     alignment: Alignment,
+    /// Whether a missing decoration is a fault.
+    is_required: bool,
     /// Alignments of structs.
     alignments: HashMap<(TypeId, Alignment), Option<u64>>,
     /// Structs and arrays that were checked, each with its offset modulo [`STRADDLE`].
@@ -177,7 +181,8 @@ impl Checker<'_> {
                     }
                     ordered.push((u64::from(offset), index));
                 }
-                None => return self.fault(ty, index, "has no Offset", DECORATED),
+                None if self.is_required => return self.fault(ty, index, "has no Offset", DECORATED),
+                None => {}
             }
         }
         ordered.sort_unstable();
@@ -275,7 +280,10 @@ impl Checker<'_> {
             return Ok(());
         }
         let Some(stride) = stride.map(u64::from) else {
-            return self.owner_fault(part, "has an array without an ArrayStride", DECORATED);
+            return match self.is_required {
+                true => self.owner_fault(part, "has an array without an ArrayStride", DECORATED),
+                false => Ok(()),
+            };
         };
         if let Some(other) = self.strides(part.ty).find(|other| *other != stride) {
             let what = format!("has an array of ArrayStride {stride} and of ArrayStride {other}");
@@ -326,15 +334,17 @@ impl Checker<'_> {
         let Some(layout) = part.matrix else {
             // What a pointer leads to has the layout of a member that is not known here.
             return match part.owner {
-                Some(_) => self.owner_fault(part, "is a matrix without a MatrixStride", DECORATED),
-                None => Ok(()),
+                Some(_) if self.is_required => {
+                    self.owner_fault(part, "is a matrix without a MatrixStride", DECORATED)
+                }
+                _ => Ok(()),
             };
         };
         let stride = u64::from(layout.stride);
         if stride == 0 {
             return self.owner_fault(part, "is a matrix of MatrixStride 0", OVERLAP);
         }
-        if !self.has_order(part) {
+        if self.is_required && !self.has_order(part) {
             return self.owner_fault(part, "is a matrix with neither RowMajor nor ColMajor", DECORATED);
         }
         if let Some(alignment) =
