@@ -6,8 +6,8 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
 use anyhit::{
-    ComputeTest, ErrorKind, Hit, LoadedScene, Module, Program, Ray, ShaderTest, StructData, Value,
-    assert_near, assert_payload_eq, assert_ulps,
+    ComputeTest, ErrorKind, Hit, LoadedScene, Module, NestedScalars, Program, Ray, ScalarValue, ShaderTest,
+    StructData, Value, assert_near, assert_payload_eq, assert_ulps,
 };
 
 fn module(name: &str) -> Arc<Module> {
@@ -110,6 +110,21 @@ fn numbers_out_of_range_are_refused() {
     let outcome = payload().payload_member("hits", u32::MAX - 7).run().unwrap();
     refused(|| assert_payload_eq!(outcome, { "hits": -1 }));
     assert_payload_eq!(outcome, { "hits": u32::MAX });
+}
+
+/// Whoever makes values at run time, from a file for one, makes the nesting, too.
+#[test]
+fn nestings_are_values() {
+    let one = |value: f64| NestedScalars::One(ScalarValue::from(value));
+    let data = block().set("v3", NestedScalars::Many(vec![one(1.0), one(2.0), one(3.0)])).unwrap();
+    assert_eq!(data.value()["v3"].vec3(), [1.0, 2.0, 3.0]);
+    message(block().set("v3", NestedScalars::Many(vec![one(1.0)])));
+}
+
+/// `VkBorderColor`: a sampler has transparent black unless it says another.
+#[test]
+fn samplers_have_a_border() {
+    assert_eq!(anyhit::Sampler::default().border_color, anyhit::BorderColor::TransparentBlack);
 }
 
 #[test]
@@ -311,7 +326,6 @@ mod random {
     //! Random scalars for every scalar type, through every entrance, against the rule in rational
     //! numbers.
 
-    use anyhit::ScalarValue;
     use dashu_ratio::RBig;
     use proptest::prelude::*;
 
