@@ -81,7 +81,7 @@ impl Pipeline {
     /// arrays of float32, (N, 3), of which one may be (3,) and counts for all; `t_min`, `t_max` and
     /// `time` are numbers or arrays of float32, (N,). `payload` is an array of `payload_dtype`,
     /// (N,): zeros unless given. Rays run side by side unless a shader stores to memory or prints.
-    /// What they store is in the `scene` of what is returned; the given scene stays as it is.
+    /// The result's `scene` holds what they store; the given scene does not change.
     #[pyo3(signature = (scene, origins, directions, *, t_min=None, t_max=None, flags=0, cull_mask=0xFF, sbt_offset=0, sbt_stride=1, miss_index=0, time=None, payload=None))]
     #[expect(clippy::too_many_arguments, reason = "they are keywords in Python")]
     fn trace<'py>(
@@ -108,7 +108,7 @@ impl Pipeline {
     }
 
     /// Runs the ray generation shader over a grid. What shaders write is in what is returned, whose
-    /// `scene` a further launch goes on with; the given scene stays as it is.
+    /// `scene` a further launch continues with; the given scene does not change.
     #[pyo3(signature = (scene, width, height=1, depth=1))]
     fn launch(
         &self,

@@ -74,7 +74,7 @@ impl RayFlags {
     /// Checks that every bit is one of the constants above.
     ///
     /// # Errors
-    /// What is wrong, in words.
+    /// A message that names the unknown bits.
     pub(crate) fn check_known(self) -> Result<(), String> {
         let unknown = self.0 & !0x7FF;
         let first = unknown.trailing_zeros();

@@ -105,7 +105,7 @@ fn inspect(args: InspectArgs) -> Result<Vec<Error>> {
     }
     let errors = report.validation.iter().filter(|finding| strict || finding.class.is_fault());
     let errors: Vec<Error> = errors.map(ValidationFinding::error).collect();
-    // What only lowering finds: rules on values that it computes.
+    // Lowering checks rules on values that it computes.
     let invalid = || report.entry_points.iter().filter_map(|entry| entry.invalid.clone());
     Ok(if errors.is_empty() { invalid().collect() } else { errors })
 }

@@ -2,6 +2,8 @@
 
 use std::sync::Arc;
 
+use serde::Serialize;
+
 #[cfg(feature = "scenes")]
 use crate::debug::console::transcript;
 #[cfg(feature = "scenes")]
@@ -128,7 +130,7 @@ impl ComputeTest {
         Ok(Self { compute: self.compute.subgroup_size(size)?, ..self })
     }
 
-    /// Runs all workgroups. What they write is in the outcome; the test stays as it is, so that it
+    /// Runs all workgroups. What they write is in the outcome; the test does not change, so that it
     /// can be run again. Buffers and images that the shader cannot write are not copied.
     ///
     /// # Errors
@@ -156,7 +158,7 @@ impl ComputeTest {
     }
 
     /// Runs all workgroups as [`ComputeTest::run`] does, and keeps what they write: the next run
-    /// begins with it. Clones of the test, and earlier outcomes, stay as they are.
+    /// begins with it. Clones of the test, and earlier outcomes, do not change.
     ///
     /// # Errors
     /// As [`ComputeTest::run`]; the test stays as it was then.
@@ -225,8 +227,8 @@ impl ComputeTest {
 
 gives_resources!(ComputeTest);
 
-/// What a compute shader left behind.
-#[derive(Clone, Debug)]
+/// What a compute shader left behind. Serde writes counts and printed lines.
+#[derive(Clone, Debug, PartialEq, Serialize)]
 #[non_exhaustive]
 #[must_use]
 pub struct ComputeOutcome {
@@ -234,6 +236,7 @@ pub struct ComputeOutcome {
     pub stats: Stats,
     /// What the shader printed (`debugPrintfEXT`).
     pub printed: Vec<PrintedLine>,
+    #[serde(skip)]
     pub(super) bound: Bound,
 }
 

@@ -134,7 +134,7 @@ impl Bytes {
         Self { rust: RustLayout::of_slice(elements), bytes: bytemuck::cast_slice(elements).to_vec() }
     }
 
-    /// Bytes that are taken as they are.
+    /// Bytes without a type.
     pub(super) fn raw(bytes: &[u8]) -> Self {
         Self { rust: RustLayout::of_slice(bytes), bytes: bytes.to_vec() }
     }

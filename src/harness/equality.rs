@@ -1,13 +1,12 @@
-//! Equality of outcomes: by the values that a run left, not by how it came about.
+//! Equality of outcomes that hold more than what the run left.
 
 use crate::harness::bound::Bound;
-use crate::harness::compute_test::ComputeOutcome;
 use crate::harness::data::TypedBytes;
 #[cfg(feature = "scenes")]
 use crate::harness::loaded_scene::SceneOutcome;
-use crate::harness::mock::{CallableCall, ExecuteCall, TraceCall};
+use crate::harness::mock::TraceCall;
 use crate::harness::shader_outcome::ShaderOutcome;
-use crate::harness::trace::{Launched, Traced};
+use crate::harness::trace::Traced;
 
 impl PartialEq for Bound {
     fn eq(&self, other: &Self) -> bool {
@@ -33,26 +32,6 @@ impl PartialEq for TraceCall {
     }
 }
 
-impl PartialEq for ExecuteCall {
-    fn eq(&self, other: &Self) -> bool {
-        self.number == other.number
-            && self.trace == other.trace
-            && self.hit == other.hit
-            && self.record == other.record
-            && self.given == other.given
-            && self.payload == other.payload
-    }
-}
-
-impl PartialEq for CallableCall {
-    fn eq(&self, other: &Self) -> bool {
-        self.number == other.number
-            && self.index == other.index
-            && self.given == other.given
-            && self.data == other.data
-    }
-}
-
 /// Equal by what the invocation left: how it ended, payload and attributes, calls with their
 /// answers, what it printed, buffers and images.
 impl PartialEq for ShaderOutcome {
@@ -66,20 +45,6 @@ impl PartialEq for ShaderOutcome {
             && self.calls == other.calls
             && self.printed == other.printed
             && self.bound == other.bound
-    }
-}
-
-/// Equal by counts, printed lines, buffers and images.
-impl PartialEq for ComputeOutcome {
-    fn eq(&self, other: &Self) -> bool {
-        self.stats == other.stats && self.printed == other.printed && self.bound == other.bound
-    }
-}
-
-/// Equal by counts, printed lines, buffers and images.
-impl PartialEq for Launched {
-    fn eq(&self, other: &Self) -> bool {
-        self.stats == other.stats && self.printed == other.printed && self.bound == other.bound
     }
 }
 

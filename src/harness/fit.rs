@@ -4,13 +4,14 @@
 //! Size, and for each scalar place, width and kind must agree. In arrays of one scalar type, an
 //! integer of the other sign passes where its value is the same, and a zero for any scalar: `[2u32,
 //! 0]` is `{ uint id; float k; }`. What lies in the shader's padding must be zero there: it would
-//! be dropped. Bytes given as `u8`s are taken as they are.
+//! be dropped. Bytes given as `u8`s have no scalars to compare.
 
 use std::collections::HashSet;
 
 use crate::error::Result;
 use crate::harness::layout::Layout;
 use crate::harness::rust_layout::{Class, HostScalar, Known, RustLayout};
+use crate::harness::value::bits_of;
 use crate::module::ty::Type;
 
 /// Bytes by which a block may be padded at its end.
@@ -60,9 +61,7 @@ impl<'a> Scalar<'a> {
         if self.class == Class::Float {
             return None;
         }
-        let mut word = [0; 8];
-        word[..bytes.len().min(8)].copy_from_slice(&bytes[..bytes.len().min(8)]);
-        let bits = u64::from_le_bytes(word);
+        let bits = bits_of(bytes);
         let (signed, greatest) = self.range();
         let is_negative = host.signed && bits >> (8 * host.size - 1) == 1;
         let fits = if is_negative { signed } else { bits <= greatest };

@@ -120,8 +120,8 @@ macro_rules! gives_resources {
     ($builder:ty) => {
         impl $builder {
             /// Binds a storage or uniform buffer with these elements. A size, a stride or a scalar
-            /// that is not the shaders' is an error of the run, with both layouts; `u8`s are taken
-            /// as they are.
+            /// that is not the shaders' is an error of the run, with both layouts; `u8`s have no
+            /// scalars to compare.
             #[must_use]
             pub fn buffer<T: bytemuck::NoUninit>(mut self, set: u32, binding: u32, elements: &[T]) -> Self {
                 self.given.buffer(set, binding, elements);

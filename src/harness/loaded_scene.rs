@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use bytemuck::{AnyBitPattern, NoUninit};
+use serde::Serialize;
 
 use crate::accel::TlasInstance;
 use crate::accel::motion::Motion;
@@ -17,7 +18,7 @@ use crate::error::names::nearest;
 use crate::error::{Error, ErrorKind, Result};
 use crate::harness::bound::{self, Bound};
 use crate::harness::data::Bytes;
-use crate::harness::loaded_scene::change::{Change, blocks_in, no_instance};
+use crate::harness::loaded_scene::change::{Change, no_instance};
 use crate::harness::many_seeds::ManySeeds;
 use crate::harness::memory::WrittenMemory;
 use crate::harness::observe::fresh_resources;
@@ -183,11 +184,13 @@ impl LoadedScene {
     }
 
     fn push_constants(&mut self, given: Bytes) -> Result<&mut Self> {
-        let assembled = assemble(&self.scene)?;
-        if assembled.programs().all(|program| blocks_in(program, storage::PUSH_CONSTANT).next().is_none()) {
-            return Err(invalid("no shader of the scene declares push constants".into()));
+        for shader in &self.scene.shaders {
+            let module = self.module(&shader.name)?;
+            if module.variables.iter().any(|variable| variable.storage_class == storage::PUSH_CONSTANT) {
+                return self.change(Change::PushConstants(given));
+            }
         }
-        self.change(Change::PushConstants(given))
+        Err(invalid("no shader of the scene declares push constants".into()))
     }
 
     /// Replaces the data of a shader record: of a ray generation, miss, hit or callable record by
@@ -517,8 +520,9 @@ fn own_resources(assembled: &Assembled) -> Resources {
     Resources { printed: Some(Arc::default()), ..assembled.resources.clone() }
 }
 
-/// What the passes of a scene, or one of them, left behind.
-#[derive(Clone, Debug)]
+/// What the passes of a scene, or one of them, left behind. Serde writes the pass, counts and
+/// printed lines.
+#[derive(Clone, Debug, Serialize)]
 #[non_exhaustive]
 #[must_use]
 pub struct SceneOutcome {
@@ -529,7 +533,9 @@ pub struct SceneOutcome {
     /// What shaders printed (`debugPrintfEXT`), in launch order.
     pub printed: Vec<PrintedLine>,
     /// Where each resource of the scene is.
+    #[serde(skip)]
     names: Vec<(String, Found)>,
+    #[serde(skip)]
     pub(super) bound: Bound,
 }
 

@@ -41,7 +41,7 @@ pub struct TraceCall {
 
 /// `OpHitObjectExecuteShaderEXT` as the tested shader executes it, of a hit object that encodes a
 /// hit or a miss.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct ExecuteCall {
     /// How many hit objects the shader executed before.
@@ -59,7 +59,7 @@ pub struct ExecuteCall {
 }
 
 /// `OpExecuteCallableKHR` as the tested shader executes it.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct CallableCall {
     /// How many calls the shader made before.

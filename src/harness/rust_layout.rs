@@ -8,6 +8,8 @@
 
 use std::fmt::Debug;
 
+use crate::harness::value::bits_of;
+
 /// What kind of scalar a number is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Class {
@@ -78,10 +80,7 @@ impl HostScalar {
 
     /// A value of the type as Rust writes it.
     pub(super) fn text(self, bytes: &[u8]) -> String {
-        let mut word = [0; 8];
-        let count = bytes.len().min(8);
-        word[..count].copy_from_slice(&bytes[..count]);
-        let bits = u64::from_le_bytes(word);
+        let bits = bits_of(bytes);
         let unused = 64 - 8 * self.size as u32;
         match (self.class, self.size, self.signed) {
             (Class::Float, 8, _) => format!("{:?}", f64::from_bits(bits)),

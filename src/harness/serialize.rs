@@ -5,11 +5,7 @@ use serde::ser::SerializeStruct;
 use serde::{Serialize, Serializer};
 
 use crate::error::ErrorReport;
-use crate::harness::compute_test::ComputeOutcome;
-#[cfg(feature = "scenes")]
-use crate::harness::loaded_scene::SceneOutcome;
-use crate::harness::shader_outcome::ShaderOutcome;
-use crate::harness::trace::{Launched, Traced};
+use crate::harness::trace::Traced;
 use crate::machine::Exit;
 use crate::sanitize::WarningReports;
 
@@ -32,57 +28,12 @@ impl Serialize for WarningReports {
     }
 }
 
-/// Its public fields, without calls and their answers.
-impl Serialize for ShaderOutcome {
-    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
-        let mut fields = to.serialize_struct("ShaderOutcome", 5)?;
-        fields.serialize_field("exit", &self.exit)?;
-        fields.serialize_field("payload", &self.payload)?;
-        fields.serialize_field("attributes", &self.attributes)?;
-        fields.serialize_field("reports", &self.reports)?;
-        fields.serialize_field("printed", &self.printed)?;
-        fields.end()
-    }
-}
-
-/// Counts and printed lines.
-impl Serialize for ComputeOutcome {
-    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
-        let mut fields = to.serialize_struct("ComputeOutcome", 2)?;
-        fields.serialize_field("stats", &self.stats)?;
-        fields.serialize_field("printed", &self.printed)?;
-        fields.end()
-    }
-}
-
-/// Counts and printed lines.
-impl Serialize for Launched {
-    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
-        let mut fields = to.serialize_struct("Launched", 2)?;
-        fields.serialize_field("stats", &self.stats)?;
-        fields.serialize_field("printed", &self.printed)?;
-        fields.end()
-    }
-}
-
 /// The closest hit (nothing for a miss), the payload, counts and printed lines.
 impl Serialize for Traced {
     fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
         let mut fields = to.serialize_struct("Traced", 4)?;
         fields.serialize_field("hit", &(!self.missed()).then(|| self.hit()))?;
         fields.serialize_field("payload", &self.payload)?;
-        fields.serialize_field("stats", &self.stats)?;
-        fields.serialize_field("printed", &self.printed)?;
-        fields.end()
-    }
-}
-
-/// The pass, counts and printed lines.
-#[cfg(feature = "scenes")]
-impl Serialize for SceneOutcome {
-    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
-        let mut fields = to.serialize_struct("SceneOutcome", 3)?;
-        fields.serialize_field("pass", &self.pass)?;
         fields.serialize_field("stats", &self.stats)?;
         fields.serialize_field("printed", &self.printed)?;
         fields.end()

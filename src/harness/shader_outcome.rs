@@ -32,8 +32,8 @@ pub struct ReportedHit {
     pub accepted: bool,
 }
 
-/// What one invocation left.
-#[derive(Clone, Debug)]
+/// What one invocation left. Serde writes it without calls and their answers.
+#[derive(Clone, Debug, Serialize)]
 #[non_exhaustive]
 #[must_use]
 pub struct ShaderOutcome {
@@ -46,17 +46,24 @@ pub struct ShaderOutcome {
     /// The reports of an intersection shader, in order.
     pub reports: Vec<ReportedHit>,
     /// The traces that it made, with their answers.
+    #[serde(skip)]
     pub traces: Vec<TraceCall>,
     /// The hit objects that it executed, with their answers.
+    #[serde(skip)]
     pub executes: Vec<ExecuteCall>,
     /// The callable shaders that it called, with their answers.
+    #[serde(skip)]
     pub calls: Vec<CallableCall>,
     /// What it printed (`debugPrintfEXT`).
     pub printed: Vec<String>,
+    #[serde(skip)]
     pub(super) data: Option<TypedBytes>,
+    #[serde(skip)]
     pub(super) bound: Bound,
+    #[serde(skip)]
     pub(super) explanation: Arc<Explanation>,
     /// What was hit, by which ray in which structure.
+    #[serde(skip)]
     pub(super) hit: Option<(Arc<Tlas>, TraceRay, HitPrimitive)>,
 }
 

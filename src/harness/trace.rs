@@ -191,8 +191,8 @@ impl Explain for Traced {
     }
 }
 
-/// What a launch left behind.
-#[derive(Clone, Debug)]
+/// What a launch left behind. Serde writes counts and printed lines.
+#[derive(Clone, Debug, PartialEq, Serialize)]
 #[non_exhaustive]
 #[must_use]
 pub struct Launched {
@@ -200,6 +200,7 @@ pub struct Launched {
     pub stats: Stats,
     /// What shaders printed (`debugPrintfEXT`), in launch order.
     pub printed: Vec<PrintedLine>,
+    #[serde(skip)]
     pub(super) bound: Bound,
 }
 
@@ -207,7 +208,7 @@ reads_what_is_bound!(Launched);
 
 impl Pipeline {
     /// Runs the ray generation shader over a grid of (width, height, depth). What shaders write is
-    /// in what is returned; the scene stays as it is, so that it can be launched again, by several
+    /// in what is returned; the scene does not change and can be launched again, by several
     /// threads at once, too. Buffers and images that no shader can write are not copied.
     /// [`Pipeline::launch_mut`] writes to the scene.
     ///
@@ -243,7 +244,7 @@ impl Pipeline {
 
     /// Runs the ray generation shader as [`Pipeline::launch`] does, and leaves in the scene what
     /// shaders write: the next launch finds it. Clones of the scene, and outcomes of earlier
-    /// launches, stay as they are.
+    /// launches, do not change.
     ///
     /// ```
     /// use anyhit::{Module, Pipeline, Program, Scene};
@@ -303,7 +304,7 @@ impl Pipeline {
     }
 
     /// Traces one ray through a scene, without a ray generation shader. What shaders write is in
-    /// what is returned; the scene stays as it is. [`Pipeline::trace_mut`] writes to the scene.
+    /// what is returned; the scene does not change. [`Pipeline::trace_mut`] writes to the scene.
     ///
     /// # Errors
     /// `Trap` where a shader misbehaves; `InvalidArgument` for a payload or a buffer whose size

@@ -404,7 +404,7 @@ impl Value {
 }
 
 /// At most eight little-endian bytes.
-fn bits_of(bytes: &[u8]) -> u64 {
+pub(super) fn bits_of(bytes: &[u8]) -> u64 {
     let mut word = [0; 8];
     let count = bytes.len().min(8);
     word[..count].copy_from_slice(&bytes[..count]);

@@ -132,19 +132,35 @@ impl ScalarValue {
             Self::Double(value) => value,
             _ => return Err(format!("{} is {}, not a float", self.text(), with_article(self.kind()))),
         };
-        let bits = format.round(value);
-        let rounded = format.value(bits);
         let ty = format_name(format);
-        if value.is_finite() && !rounded.is_finite() {
-            return Err(format!("{} is out of the range of {ty}", self.text()));
-        }
-        if value.is_infinite() && !rounded.is_infinite() {
-            return Err(format!("{ty} has no infinity"));
-        }
-        if value != 0.0 && rounded == 0.0 {
-            return Err(format!("{} is not 0 and rounds to 0 as {ty}", self.text()));
-        }
-        Ok(bits)
+        judge_rounding(value, format.round(value), format).map_err(|misfit| match misfit {
+            FloatMisfit::Overflows => format!("{} is out of the range of {ty}", self.text()),
+            FloatMisfit::Vanishes => format!("{} is not 0 and rounds to 0 as {ty}", self.text()),
+            FloatMisfit::NoInfinity => format!("{ty} has no infinity"),
+        })
+    }
+}
+
+/// Why a float format has no number that a value could become.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum FloatMisfit {
+    Overflows,
+    /// It is not 0, and rounds to 0.
+    Vanishes,
+    NoInfinity,
+}
+
+/// Returns the bits to which a value was rounded in a format.
+///
+/// # Errors
+/// Where they are no rounding of the value, but the loss of it.
+pub(crate) fn judge_rounding(value: f64, bits: u64, format: FloatFormat) -> Result<u64, FloatMisfit> {
+    let rounded = format.value(bits);
+    match () {
+        () if value.is_finite() && !rounded.is_finite() => Err(FloatMisfit::Overflows),
+        () if value.is_infinite() && !rounded.is_infinite() => Err(FloatMisfit::NoInfinity),
+        () if value != 0.0 && rounded == 0.0 => Err(FloatMisfit::Vanishes),
+        () => Ok(bits),
     }
 }
 

@@ -1,7 +1,7 @@
 //! Scalars as a scene writes them, with their types.
 
 use crate::math::float_format::FloatFormat;
-use crate::module::scalar_value::ScalarValue;
+use crate::module::scalar_value::{FloatMisfit, judge_rounding};
 use crate::scene::read::{Parse, Table, TomlValue};
 
 /// A type of scalar as a scene names it.
@@ -142,20 +142,17 @@ impl Scalar {
 /// Formats of 8 and 16 bits are rounded by way of f64: 53 bits are more than twice the 11 of a
 /// half, plus two, so double rounding has no effect unless the decimal lies within 2^-53 of a tie
 /// without being one.
-pub(super) fn float_bits(value: TomlValue<'_>, format: FloatFormat, name: &str) -> Option<u64> {
+fn float_bits(value: TomlValue<'_>, format: FloatFormat, name: &str) -> Option<u64> {
     let wide = f64::parse(value)?;
-    let narrow = match format {
-        FloatFormat::Binary32 => f64::from(f32::parse(value)?),
-        _ => wide,
+    let bits = match format {
+        FloatFormat::Binary32 => f32::parse(value)?.to_bits().into(),
+        _ => format.round(wide),
     };
-    match ScalarValue::Double(narrow).float_bits(format) {
-        Ok(bits) if wide != 0.0 && format.value(bits) == 0.0 => {
-            value.wrong(format!("`{wide}` is not 0 and rounds to 0 as {name}"))
-        }
+    match judge_rounding(wide, bits, format) {
         Ok(bits) => Some(bits),
-        Err(_) if wide.is_infinite() => value.wrong(format!("{name} has no infinity")),
-        Err(_) if wide.abs() < 1.0 => value.wrong(format!("`{wide}` is not 0 and rounds to 0 as {name}")),
-        Err(_) => value.wrong(format!("`{wide}` is beyond the range of {name}")),
+        Err(FloatMisfit::Overflows) => value.wrong(format!("`{wide}` is beyond the range of {name}")),
+        Err(FloatMisfit::Vanishes) => value.wrong(format!("`{wide}` is not 0 and rounds to 0 as {name}")),
+        Err(FloatMisfit::NoInfinity) => value.wrong(format!("{name} has no infinity")),
     }
 }
 

@@ -4,7 +4,7 @@ use crate::error::names::{list_of, nearest};
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::math::float_format::FloatFormat;
 use crate::module::Module;
-use crate::module::scalar_value::ScalarValue;
+use crate::module::scalar_value::{FloatMisfit, ScalarValue, judge_rounding};
 use crate::module::ty::Type;
 use crate::scene::address_entry::AddressOf;
 use crate::scene::addresses::Addresses;
@@ -209,24 +209,15 @@ fn scalar(number: i128) -> ScalarValue {
 fn float_bits(text: &str, ty: &Type) -> std::result::Result<u64, String> {
     let format = ty.float_format().unwrap_or(FloatFormat::Binary64);
     let wide: f64 = text.parse().map_err(|_| format!("{text} is no number"))?;
-    let value = match format {
-        FloatFormat::Binary32 => text.parse().map_or(ScalarValue::Double(wide), ScalarValue::Float),
-        _ => ScalarValue::Double(wide),
+    let bits = match format {
+        FloatFormat::Binary32 => text.parse::<f32>().map_or(0, f32::to_bits).into(),
+        _ => format.round(wide),
     };
-    let bits =
-        value.float_bits(format).map_err(|why| if wide.is_finite() { beyond(text, wide) } else { why })?;
-    let rounded = format.value(bits);
-    match wide.is_finite() && !rounded.is_finite() || wide != 0.0 && rounded == 0.0 {
-        true => Err(beyond(text, wide)),
-        false => Ok(bits),
-    }
-}
-
-fn beyond(text: &str, wide: f64) -> String {
-    match wide.abs() < 1.0 {
-        true => format!("{text} is not 0 and rounds to 0"),
-        false => format!("{text} is beyond the range"),
-    }
+    judge_rounding(wide, bits, format).map_err(|misfit| match misfit {
+        FloatMisfit::Overflows => format!("{text} is beyond the range"),
+        FloatMisfit::Vanishes => format!("{text} is not 0 and rounds to 0"),
+        FloatMisfit::NoInfinity => format!("{text} is no such number: the type has no infinity"),
+    })
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! Numbers of an expectation as a scene file writes them, with their types and tolerances.
 
 use crate::harness::number::{ExpectedNumber, NumberType, Tolerance};
+use crate::module::scalar_value::{FloatMisfit, judge_rounding};
 use crate::scene::read::{Parse, Spanned, Table, TomlValue};
 
 const SCALARS: [(&str, NumberType); 14] = [
@@ -29,8 +30,9 @@ impl NumberType {
             Self::F16 | Self::F64 | Self::Bf16 | Self::E4m3 | Self::E5m2 => {
                 let (number, format) = f64::parse(value).zip(self.format())?;
                 let bits = format.round(number);
-                let rounded = format.value(bits);
-                if number.is_nan() != rounded.is_nan() || number.is_finite() != rounded.is_finite() {
+                let misfit = judge_rounding(number, bits, format).err();
+                // With a tolerance 0 may be near enough.
+                if misfit.is_some_and(|misfit| misfit != FloatMisfit::Vanishes) {
                     let name = SCALARS.iter().find(|(_, scalar)| *scalar == self).map_or("", |found| found.0);
                     return value.wrong(format!("`{number}` is beyond the range of {name}"));
                 }

@@ -139,7 +139,7 @@ impl Change {
 }
 
 /// The types of the blocks of a program in a storage class.
-pub(super) fn blocks_in(program: &Program, class: u32) -> impl Iterator<Item = TypeId> + '_ {
+fn blocks_in(program: &Program, class: u32) -> impl Iterator<Item = TypeId> + '_ {
     blocks(program).filter(move |block| block.1 == class).map(|(ty, ..)| ty)
 }
 

@@ -24,7 +24,7 @@ use crate::sanitize::{Levels, ProgramPlan, Sanitizer, WarningReports};
 use crate::sorted::SortedMap;
 
 impl ShaderTest {
-    /// Runs the shader once. What it writes is in the outcome; the test stays as it is, so that it
+    /// Runs the shader once. What it writes is in the outcome; the test does not change, so that it
     /// can be run again. Buffers and images that the shader cannot write are not copied.
     ///
     /// # Errors

@@ -7,6 +7,7 @@
 
 use std::collections::{HashMap, HashSet};
 
+use crate::module::decoration::Decoration;
 use crate::module::ty::{MatrixLayout, Member, SizeComputation, Type, TypeId};
 use crate::module::{Id, Module};
 
@@ -279,16 +280,17 @@ impl Checker<'_> {
         if !self.visited.insert((part.ty, part.matrix, offset % STRADDLE)) {
             return Ok(());
         }
-        let Some(stride) = stride.map(u64::from) else {
+        let Some(stride) = stride else {
             return match self.is_required {
                 true => self.owner_fault(part, "has an array without an ArrayStride", DECORATED),
                 false => Ok(()),
             };
         };
-        if let Some(other) = self.strides(part.ty).find(|other| *other != stride) {
+        if let Some(other) = self.other_stride(part.ty, stride) {
             let what = format!("has an array of ArrayStride {stride} and of ArrayStride {other}");
             return self.owner_fault(part, &what, ONCE);
         }
+        let stride = u64::from(stride);
         if stride == 0 {
             return self.owner_fault(part, "has an array of ArrayStride 0", OVERLAP);
         }
@@ -314,17 +316,14 @@ impl Checker<'_> {
     fn other_offset(&self, ty: TypeId, index: usize, offset: u32) -> Option<u32> {
         const OFFSET: u32 = 35;
         let id = self.module.id_of_type(ty)?;
-        let decorations = self.module.decorations.of_member.get(&(id, index as u32))?;
-        let offsets = decorations.iter().filter(|one| one.number == OFFSET);
-        offsets.filter_map(|one| one.operands.first().copied()).find(|other| *other != offset)
+        other_literal(self.module.decorations.of_member.get(&(id, index as u32))?, OFFSET, offset)
     }
 
-    /// Every `ArrayStride` of an array type.
-    fn strides(&self, array: TypeId) -> impl Iterator<Item = u64> {
+    /// An `ArrayStride` of an array type that contradicts another.
+    fn other_stride(&self, array: TypeId, stride: u32) -> Option<u32> {
         const ARRAY_STRIDE: u32 = 6;
-        let decorations = self.module.id_of_type(array).and_then(|id| self.module.decorations.of_id.get(&id));
-        let strides = decorations.into_iter().flatten().filter(|one| one.number == ARRAY_STRIDE);
-        strides.filter_map(|one| one.operands.first().copied().map(u64::from))
+        let id = self.module.id_of_type(array)?;
+        other_literal(self.module.decorations.of_id.get(&id)?, ARRAY_STRIDE, stride)
     }
 
     fn matrix(&mut self, part: Part) -> Checked {
@@ -491,6 +490,12 @@ impl Checker<'_> {
         let message = format!("{} {what}", member_name(self.module, ty, index));
         Box::new(LayoutFault::new(message, rule))
     }
+}
+
+/// The literal of a decoration that contradicts another with its number.
+fn other_literal(decorations: &[Decoration], number: u32, literal: u32) -> Option<u32> {
+    let literals = decorations.iter().filter(|one| one.number == number);
+    literals.filter_map(|one| one.operands.first().copied()).find(|other| *other != literal)
 }
 
 /// A member of a struct in messages: `Histogram.count`.
