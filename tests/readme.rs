@@ -2,6 +2,9 @@
 
 use std::fs;
 use std::path::Path;
+use std::process::Command;
+
+use pretty_assertions::assert_eq;
 
 use crate::support::files::root;
 
@@ -12,7 +15,7 @@ fn commands_are_real() {
     let mut mistakes = Vec::new();
     let mut count = 0;
     for (document, line) in shell_lines() {
-        // Words in front, like BLESS=1, are set for what they stand in front of.
+        // Assignments in front of a command, like BLESS=1, are no part of it.
         let words = line.split_whitespace().skip_while(|word| word.contains('=')).collect::<Vec<&str>>();
         let wrong = match words.as_slice() {
             ["cargo", "run", rest @ ..] => {
@@ -63,17 +66,47 @@ fn links_lead_somewhere() {
     assert!(mistakes.is_empty(), "{}", mistakes.join("\n"));
 }
 
-/// Code that the README shows is code that is tested, word for word.
+/// The README's Rust code is compiled and run, word for word.
 #[test]
-fn excerpts_stand_in_the_files_they_are_from() {
-    let blocks = [("rust", "tests/unit_test.rs"), ("toml", "shaders/pass/sphere/closest-hit/scene.toml")];
+fn the_unit_test_of_the_readme_is_a_test() {
     let readme = read("README.md");
-    for (language, file) in blocks {
-        let start = readme.find(&format!("```{language}\n")).expect("a block") + language.len() + 4;
-        let block = readme[start..].split("```").next().unwrap_or_default();
-        assert!(block.lines().count() > 10, "the block of {language} is too short to be it");
-        assert!(read(file).contains(block.trim_end()), "the README's {language} is not from {file}");
+    let block = block(&readme, "rust");
+    assert!(block.lines().count() > 10, "the block is too short:\n{block}");
+    assert!(read("tests/unit_test.rs").contains(block.trim_end()), "tests/unit_test.rs has another test");
+}
+
+/// Output that the README shows is what the command prints; `...` omits lines.
+#[test]
+fn the_output_of_the_readme_is_real() {
+    let readme = read("README.md");
+    let mut shown = block(&readme, "console").lines();
+    let command = shown.next().and_then(|line| line.strip_prefix("$ anyhit ")).expect("a command");
+    let output = Command::new(env!("CARGO_BIN_EXE_anyhit"))
+        .args(command.split_whitespace())
+        .current_dir(root())
+        .output()
+        .expect("the program runs");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let output = String::from_utf8(output.stdout).expect("UTF-8");
+    let mut lines = output.lines();
+    let (mut count, mut adjacent) = (0, false);
+    for line in shown {
+        if line == "..." {
+            adjacent = false;
+            continue;
+        }
+        let printed = if adjacent { lines.next() } else { lines.find(|&printed| printed == line) };
+        assert_eq!(printed, Some(line), "in the output of `anyhit {command}`:\n{output}");
+        (count, adjacent) = (count + 1, true);
     }
+    assert!(count >= 8, "only {count} lines are shown");
+}
+
+/// The content of a page's first block of a language.
+fn block<'a>(page: &'a str, language: &str) -> &'a str {
+    let fence = format!("```{language}\n");
+    let start = page.find(&fence).expect("a block") + fence.len();
+    page[start..].split("```").next().unwrap_or_default()
 }
 
 /// What the page about renderers shows of the example is in the example.
@@ -110,7 +143,7 @@ fn the_page_about_renderers_shows_the_example() {
     }
 }
 
-/// The lines of the documents' shell blocks.
+/// The commands of the documents' shell blocks, without comments.
 fn shell_lines() -> Vec<(&'static str, String)> {
     let mut lines = Vec::new();
     for document in DOCUMENTS {
@@ -119,7 +152,12 @@ fn shell_lines() -> Vec<(&'static str, String)> {
             match line {
                 "```sh" => inside = true,
                 "```" => inside = false,
-                _ if inside && !line.trim().is_empty() => lines.push((*document, line.to_owned())),
+                _ if inside => {
+                    let command = line.split('#').next().unwrap_or_default().trim_end();
+                    if !command.is_empty() {
+                        lines.push((*document, command.to_owned()));
+                    }
+                }
                 _ => {}
             }
         }

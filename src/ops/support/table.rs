@@ -1,4 +1,4 @@
-//! The classes as tables in Markdown, for the README and `docs/support.md`.
+//! The classes as tables in Markdown, for `docs/support.md`.
 
 use std::fmt::Write;
 
