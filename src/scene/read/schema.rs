@@ -168,7 +168,8 @@ impl SchemaProbe {
         let (all, required) = self.keys(spot, &[], depth);
         let decides = |(key, schema): (&&'static str, &JsonSchema)| {
             let names = names_of(schema).iter().map(|name| (*name).to_owned()).collect::<Vec<_>>();
-            let is_asked_first = *key == "type" || required.contains(*key);
+            let is_asked_first =
+                required.contains(*key) || *key == "type" && spot.read("{}").keys.contains_key(key);
             (is_asked_first && names.len() > 1).then_some((*key, names))
         };
         let Some((key, names)) = all.iter().find_map(decides) else {
