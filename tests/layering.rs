@@ -112,7 +112,7 @@ fn imports_go_one_way() {
 fn the_architecture_page_lists_the_layers() {
     let page = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/architecture.md"))
         .expect("the page");
-    let table = page.split("## One ray's way").next().expect("the first section");
+    let table = page.split("## Path of a ray").next().expect("the first section");
     let rows = table.lines().filter_map(|line| line.strip_prefix("| `")?.split('|').next());
     let rows: Vec<Vec<&str>> =
         rows.map(|cell| cell.split(", ").map(|room| room.trim_matches([' ', '`'])).collect()).collect();
