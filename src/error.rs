@@ -74,10 +74,10 @@ impl ErrorKind {
     #[must_use]
     pub fn help(self) -> Option<&'static str> {
         Some(match self {
-            Self::InvalidModule => "the module is not valid: mend the shader, or its compiler's flags",
-            Self::InvalidRecording => "docs/verify.md says what a recording holds",
-            Self::UnsupportedModule => "the module is valid: this is a gap of anyhit, not a mistake of yours",
-            Self::UnsupportedFile => "the file is valid: this is a gap of anyhit, not a mistake of yours",
+            Self::InvalidModule => "the module is invalid: fix the shader or its compiler flags",
+            Self::InvalidRecording => "docs/verify.md describes the format of recordings",
+            Self::UnsupportedModule => "the module is valid; this is a limitation of anyhit",
+            Self::UnsupportedFile => "the file is valid; this is a limitation of anyhit",
             Self::InvalidScene
             | Self::InvalidMesh
             | Self::InvalidImage
@@ -420,7 +420,7 @@ impl Error {
         }
         if self.0.not_shown > 0 {
             let _ = writeln!(writer);
-            let _ = writeln!(writer, "error: {} more mistakes are not shown", self.0.not_shown);
+            let _ = writeln!(writer, "error: {} more errors are not shown", self.0.not_shown);
         }
     }
 
@@ -559,7 +559,7 @@ mod tests {
             assert!(!Error::new(kind, "wrong").render().contains("help:"), "{kind:?}");
         }
         let gap = Error::new(ErrorKind::UnsupportedModule, "no such capability").render();
-        assert!(gap.contains("help: the module is valid: this is a gap of anyhit"), "{gap}");
+        assert!(gap.contains("help: the module is valid; this is a limitation of anyhit"), "{gap}");
     }
 
     #[test]

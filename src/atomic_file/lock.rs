@@ -36,7 +36,7 @@ impl FileLock {
             escape::path(&path),
             PATIENCE.as_secs()
         );
-        Err(Error::new(ErrorKind::Io, message).note(format!("{} is as it was before", escape::path(&path))))
+        Err(Error::new(ErrorKind::Io, message).note(format!("{} is unchanged", escape::path(&path))))
     }
 }
 

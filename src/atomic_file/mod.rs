@@ -149,10 +149,10 @@ impl Kept {
     fn note(&self, path: &Path) -> String {
         let path = escape::path(&path);
         match self {
-            Self::Old => format!("{path} is as it was before"),
-            Self::Nothing => format!("{path} was not there, and is not"),
-            Self::Part => format!("{path} holds a part: it could only be written in place"),
-            Self::Stream => format!("{path} was given a part"),
+            Self::Old => format!("{path} is unchanged"),
+            Self::Nothing => format!("{path} was not created"),
+            Self::Part => format!("{path} is incomplete: it could only be written in place"),
+            Self::Stream => format!("{path} received part of the data"),
         }
     }
 }

@@ -12,44 +12,44 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::harness::shares::ShareResults;
 use crate::harness::shares::check_math::{CheckMathResult, CheckMathWhole};
 
-/// Compares every elementary function with its correctly rounded result, over all f16 and f32
+/// Compare every elementary function with its correctly rounded result, over all f16 and f32
 /// inputs.
 ///
-/// The platform's functions in f64 decide nearly all inputs; arbitrary precision decides those near
-/// a rounding boundary. Functions of two f32 are checked on pairs, many of them near the edges of
+/// The platform's f64 functions decide nearly all inputs; arbitrary precision decides those near a
+/// rounding boundary. Functions of two f32 are checked on pairs, many of them near the edges of
 /// their domains. Functions of f64 are checked on a sample in arbitrary precision. The whole
-/// comparison takes more than an hour of one core.
+/// comparison takes more than an hour on one core.
 #[derive(Debug, clap::Args)]
 pub(super) struct CheckMathArgs {
-    /// Check only this function, by its name in the specification, such as `Sin`; may be repeated.
+    /// Check only this function, by its name in the specification, such as `Sin`; may be repeated
     #[arg(long, value_name = "NAME", value_parser = function)]
     function: Vec<&'static str>,
 
-    /// Check only floats of this many bits; may be repeated.
+    /// Check only floats of this many bits; may be repeated
     #[arg(long, value_name = "BITS", value_parser = clap::builder::PossibleValuesParser::new(["16", "32", "64"]))]
     width: Vec<String>,
 
-    /// Check every Nth f32, and every Nth pair of f16, instead of all.
+    /// Check every Nth f32, and every Nth pair of f16, instead of all
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..))]
     stride: u64,
 
-    /// The number of pairs of f32.
+    /// Number of pairs of f32
     #[arg(long, value_name = "N", default_value_t = 1 << 28, value_parser = clap::value_parser!(u64).range(1..))]
     pairs: u64,
 
-    /// The number of f64, or of pairs of them.
+    /// Number of f64, or of pairs of f64
     #[arg(long, value_name = "N", default_value_t = 100_000, value_parser = clap::value_parser!(u64).range(1..))]
     samples: u64,
 
-    /// The seed that draws the pairs, the f64 and the start of a stride.
+    /// Seed of the pairs, the f64 and the start of a stride
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
 
-    /// Print one JSON object instead of a table.
+    /// Print one JSON object instead of a table
     #[arg(long)]
     json: bool,
 
-    /// Print no times: what is left is the same in every run.
+    /// Print no times, so that the output is the same in every run
     #[arg(long)]
     no_times: bool,
 
@@ -150,7 +150,7 @@ impl ReportForm {
             out += &format!(", at most {error:.3} ulp");
         }
         for wrong in &report.examples {
-            out += &format!("\n  of {:#x?} {:#x}, right is {}", wrong.operands, wrong.found, wrong.right);
+            out += &format!("\n  of {:#x?} {:#x}, expected {}", wrong.operands, wrong.found, wrong.right);
         }
         output::print(format_args!("{out}\n"))
     }

@@ -14,38 +14,38 @@ use crate::compile::{
 use crate::error::{Error, ErrorKind, Result};
 use crate::input::InputLimits;
 
-/// Compiles GLSL, WGSL, Slang or HLSL to SPIR-V.
+/// Compile GLSL, WGSL, Slang or HLSL to SPIR-V.
 #[derive(Args, Clone, Debug)]
 pub(super) struct CompileArgs {
-    /// Shader sources; the extension names language and stage (.rgen .rint .rahit .rchit .rmiss
-    /// .rcall .comp, also with .glsl behind; .wgsl .slang .hlsl)
+    /// Shader sources; the extension selects language and stage (.rgen .rint .rahit .rchit .rmiss
+    /// .rcall .comp, optionally followed by .glsl; .wgsl .slang .hlsl)
     #[arg(value_name = "SOURCE", required_unless_present = "fixtures", conflicts_with = "fixtures")]
     sources: Vec<PathBuf>,
-    /// Where to write the module, or with several sources the folder [default: SOURCE.spv]
+    /// File for the module, or folder for the modules of several sources [default: SOURCE.spv]
     #[arg(short, long, value_name = "PATH", conflicts_with = "fixtures")]
     output: Option<PathBuf>,
-    /// Write debug information: lines
+    /// Emit debug information: lines
     #[arg(short = 'g', conflicts_with = "fixtures")]
     lines: bool,
-    /// Write debug information: lines, columns, variables and text, as glslang's -gVS or slangc's
-    /// -g2
+    /// Emit debug information: lines, columns, variables and source text, as glslang's -gVS and
+    /// slangc's -g2
     #[arg(short = 'G', conflicts_with = "fixtures")]
     full: bool,
-    /// The level of optimisation: 0 or 2 [default: the compiler's own]
+    /// Optimisation level: 0 or 2 [default: the compiler's own]
     #[arg(short = 'O', value_name = "LEVEL", conflicts_with = "fixtures", value_parser = ["0", "2"])]
     optimize: Option<String>,
     #[command(flatten)]
     how: SourceArgs,
     #[command(flatten)]
     limits: InputLimitArgs,
-    /// Compile the sources in shaders/ whose modules in spirv-fixtures/ are out of date, in the
-    /// current folder
+    /// In the current folder, compile the sources in shaders/ whose modules in spirv-fixtures/ are
+    /// out of date
     #[arg(
         long,
         conflicts_with_all = ["limit", "language", "stage", "entry", "include_folders", "defines", "flags"]
     )]
     fixtures: bool,
-    /// With --fixtures: compile all sources, also those that have not changed
+    /// With --fixtures: compile all sources, including unchanged ones
     #[arg(long, requires = "fixtures", conflicts_with = "sources")]
     force: bool,
 }
@@ -106,8 +106,9 @@ fn compile_source(
 fn regenerate(force: bool) -> Result<()> {
     let root = std::env::current_dir().map_err(|error| Error::io(".", error))?;
     if !root.join(fixtures::SOURCES).is_dir() {
-        let text = format!("there is no folder {}/ here", fixtures::SOURCES);
-        return Err(Error::new(ErrorKind::InvalidArgument, text).note("run it in the root of the repository"));
+        let text = format!("the current folder has no folder {}/", fixtures::SOURCES);
+        let note = "help: run the command in the root of the repository";
+        return Err(Error::new(ErrorKind::InvalidArgument, text).note(note));
     }
     let report = fixtures::regenerate(&root, force)?;
     for name in &report.written {
@@ -116,7 +117,7 @@ fn regenerate(force: bool) -> Result<()> {
     for name in &report.removed {
         output::print(format_args!("removed {}/{name}\n", fixtures::FIXTURES))?;
     }
-    output::print(format_args!("{} written, {} in step already\n", report.written.len(), report.kept))?;
+    output::print(format_args!("{} written, {} up to date\n", report.written.len(), report.kept))?;
     // One report for all: each of them lacks a compiler, and most of them the same one.
     let names = report.skipped.iter().map(|(name, _)| format!("stale: {}/{name}", fixtures::FIXTURES));
     let names: Vec<_> = names.collect();

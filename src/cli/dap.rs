@@ -25,14 +25,14 @@ const CONTENT_LENGTH: &str = "content-length";
 /// The most bytes of a header line.
 const MOST_HEADER_BYTES: u64 = 4096;
 
-/// Debugs an invocation or a ray in an editor (Debug Adapter Protocol).
+/// Debug an invocation or a ray in an editor (Debug Adapter Protocol).
 ///
-/// The editor starts it, and says in its launch configuration what is debugged: a scene, and one of
-/// pixel, ray and invocation. docs/debugging.md has configurations for several editors.
+/// The editor starts this command. Its launch configuration names a scene and a pixel, a ray or an
+/// invocation; docs/debugging.md has configurations for several editors.
 #[derive(Args, Clone, Debug)]
 pub(super) struct DapArgs {
-    /// Listen for one editor after the other on this port of this machine, instead of standard
-    /// input and output; 0 takes a free one
+    /// Serve one editor after the other on this local port instead of standard input and output; 0
+    /// selects a free port
     #[arg(long, value_name = "N")]
     port: Option<u16>,
     #[command(flatten)]
@@ -51,7 +51,7 @@ pub(super) fn run(args: DapArgs) -> Result<()> {
         return serve(host, stdin(), &mut stdout().lock(), true)
             .map_err(|error| Error::io("standard output", error));
     };
-    let at = |error| Error::io(format!("port {port} of this machine"), error);
+    let at = |error| Error::io(format!("local port {port}"), error);
     // Other machines have no business here: a debugger reads files.
     let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, port)).map_err(at)?;
     output::hint(format_args!("listening on {}", listener.local_addr().map_err(at)?));
@@ -188,7 +188,7 @@ impl<R: BufRead> MessageReader<R> {
             Ok(None) => None,
             Ok(Some(bytes)) => Some(match serde_json::from_slice(&bytes) {
                 Ok(message) => (Incoming::Message(message), true),
-                Err(error) => (Incoming::Garbage(format!("the message is no JSON: {error}")), true),
+                Err(error) => (Incoming::Garbage(format!("the message is not valid JSON: {error}")), true),
             }),
             Err(why) => {
                 self.is_lost = true;
@@ -205,7 +205,7 @@ impl<R: BufRead> MessageReader<R> {
             let Some(line) = self.header_line()? else {
                 return match is_first {
                     true => Ok(None),
-                    false => Err("the input ends within the header of a message".into()),
+                    false => Err("the input ends in the header of a message".into()),
                 };
             };
             is_first = false;
@@ -214,16 +214,16 @@ impl<R: BufRead> MessageReader<R> {
             }
             let (name, value) = line
                 .split_once(':')
-                .ok_or_else(|| format!("`{line}` is no line of a header: `Content-Length: N` is expected"))?;
+                .ok_or_else(|| format!("`{line}` is not a header line: expected `Content-Length: N`"))?;
             if name.trim().eq_ignore_ascii_case(CONTENT_LENGTH) {
                 let number: Option<u64> = value.trim().parse().ok();
-                length = Some(number.ok_or_else(|| format!("`{}` is no length of a message", value.trim()))?);
+                length = Some(number.ok_or_else(|| format!("`{}` is not a message length", value.trim()))?);
             }
         }
         let length = length.ok_or("the header of a message has no Content-Length")?;
         if length > MOST_MESSAGE_BYTES {
             return Err(format!(
-                "a message of {length} bytes is too long: at most {MOST_MESSAGE_BYTES} are read"
+                "a message of {length} bytes is too long: the maximum is {MOST_MESSAGE_BYTES}"
             ));
         }
         let mut bytes = Vec::new();
@@ -244,7 +244,7 @@ impl<R: BufRead> MessageReader<R> {
         if text.is_empty() {
             return Ok(None);
         }
-        let line = text.strip_suffix('\n').ok_or("a line of a message's header is too long or has no end")?;
+        let line = text.strip_suffix('\n').ok_or("a header line is too long or does not end")?;
         Ok(Some(line.trim_end_matches('\r').to_owned()))
     }
 

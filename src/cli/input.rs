@@ -13,8 +13,8 @@ use crate::scene::{LoadOptions, ResolvedScene, SceneFiles, load_bytes};
 /// Limits of what is read and of what it may ask for.
 #[derive(Args, Clone, Debug, Default)]
 pub(super) struct InputLimitArgs {
-    /// Set a limit of what is read or may be asked for, such as `file-bytes=4GiB`; may be repeated
-    /// (docs/reading.md has all)
+    /// Set a limit on input, such as `file-bytes=4GiB`; may be repeated (docs/reading.md lists all
+    /// limits)
     #[arg(long, value_name = "NAME=N")]
     limit: Vec<LimitSetting>,
 }
@@ -30,8 +30,7 @@ impl InputLimitArgs {
 /// How strictly modules are judged.
 #[derive(Args, Clone, Copy, Debug, Default)]
 pub(super) struct StrictArgs {
-    /// Reject a module that uses a capability or an extension without declaring it, instead of
-    /// warning
+    /// Reject a module that uses an undeclared capability or extension, instead of warning
     #[arg(long)]
     strict: bool,
 }
@@ -53,7 +52,7 @@ pub(super) struct VariantArgs {
 /// Limits of what is read and of what it may ask for, and where a scene may read.
 #[derive(Args, Clone, Debug, Default)]
 pub(super) struct SceneFileArgs {
-    /// Refuse every path in a scene that leaves this folder, links followed
+    /// Reject every path in a scene that leaves this folder, after following links
     #[arg(long, value_name = "DIR")]
     root: Option<PathBuf>,
     #[command(flatten)]

@@ -28,23 +28,24 @@ use crate::program::{self, obstacles};
 use crate::sanitize::module_checks::check_module;
 use crate::sanitize::{Findings, Levels};
 
-/// Lists a module's entry points, interface and requirements, what in it is unsupported, and which
-/// rules it breaks whatever its inputs are
+/// List a module's entry points, interface, requirements, unsupported features and broken rules
+///
+/// The rules reported are those that the module breaks independently of its inputs.
 #[derive(Args, Clone, Debug)]
 pub(super) struct InspectArgs {
-    /// A SPIR-V module, or the source of one (GLSL, WGSL, Slang, HLSL), or `-` for standard input
+    /// SPIR-V module or shader source (GLSL, WGSL, Slang, HLSL), or `-` for standard input
     #[arg(value_name = "MODULE", required_unless_present = "layout")]
     module: Option<PathBuf>,
-    /// Print how structs lie in buffers: offset, size, stride, type and name of each member.
-    /// Without a name all structs that have offsets; a path such as `Params.sun` follows members
-    /// and pointers
+    /// Print the memory layout of structs: offset, size, stride, type and name of each member.
+    /// Without a name, print all structs that have offsets; a path such as `Params.sun` follows
+    /// members and pointers
     #[arg(long, value_name = "STRUCT", num_args = 0..=1)]
     layout: Option<Option<String>>,
-    /// Compare the layout with a struct of the host: a Rust file (`.rs`) with `#[repr(C)]` structs,
-    /// or a header of C or C++. Without the name of a struct, compare all that both declare
+    /// Compare the layout with the host's structs: a Rust file (`.rs`) with `#[repr(C)]` structs,
+    /// or a C or C++ header. Without a struct's name, compare all structs that both declare
     #[arg(long, value_name = "FILE", requires = "layout")]
     against: Option<PathBuf>,
-    /// The host's struct, where its name differs from the shader's
+    /// Name of the host's struct, if it differs from the shader's
     #[arg(long, value_name = "NAME", requires = "against")]
     host_struct: Option<String>,
     #[command(flatten)]
@@ -78,7 +79,7 @@ fn inspect(args: InspectArgs) -> Result<Vec<Error>> {
         (None, layout) => (PathBuf::from(layout.flatten().unwrap_or_default()), Some(None)),
     };
     if path.as_os_str().is_empty() {
-        return Err(Error::new(ErrorKind::InvalidArgument, "a module is needed: `inspect MODULE --layout`"));
+        return Err(Error::new(ErrorKind::InvalidArgument, "no module given: `inspect MODULE --layout`"));
     }
     let module = Arc::new(module_file::read_or_compile(&path, &args.limits.limits(), &args.how.words())?);
     if let (Some(name), Some(file)) = (&layout, &args.against) {
@@ -156,7 +157,7 @@ fn compare_layouts(
             vec![compare(layout, host_type)]
         }
         (None, Some(_)) => {
-            let message = "`--host-struct` needs the shader's struct, too: `--layout STRUCT`";
+            let message = "`--host-struct` requires the shader's struct: `--layout STRUCT`";
             return Err(Error::new(ErrorKind::InvalidArgument, message));
         }
         (None, None) => {
@@ -169,9 +170,9 @@ fn compare_layouts(
             }
             if found.is_empty() {
                 let message =
-                    format!("{} and {} declare no struct of the same name", escape::path(&path), host.name());
+                    format!("{} and {} share no struct name", escape::path(&path), host.name());
                 return Err(Error::new(ErrorKind::InvalidArgument, message)
-                    .note("name both: `--layout STRUCT --host-struct NAME`"));
+                    .note("help: name both structs: `--layout STRUCT --host-struct NAME`"));
             }
             found
         }
@@ -305,7 +306,7 @@ impl ModuleReport {
         });
         let facts = [
             ("version", format!("SPIR-V {}", self.version)),
-            ("made by", self.generator.clone()),
+            ("generator", self.generator.clone()),
             (
                 "size",
                 format!(

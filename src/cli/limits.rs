@@ -12,17 +12,17 @@ use crate::scene::RunLimits;
 #[derive(Args, Clone, Copy, Debug, Default)]
 #[command(next_help_heading = "Limits")]
 pub(super) struct LaunchLimitArgs {
-    /// Instructions that all invocations of a launch may execute together, or none [default: of
-    /// `test` and `smoke` 2^30, or 2^21 for each invocation where that is more, at most 2^38; else
-    /// none]
+    /// Maximum number of instructions of all invocations of a launch together, or none [default:
+    /// `test` and `smoke`: 2^30, or 2^21 per invocation if that is more, at most 2^38; other
+    /// commands: none]
     #[arg(long, value_name = "N", value_parser = fuel)]
     launch_fuel: Option<LaunchFuel>,
-    /// Seconds that a launch may take, or none; what is ended then depends on the machine [default:
-    /// of `test` 60, of `smoke` 30, else none]
+    /// Maximum duration of a launch in seconds, or none; where a launch ends then depends on the
+    /// machine [default: `test`: 60, `smoke`: 30, other commands: none]
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     timeout: Option<Duration>,
-    /// Seconds that a batch of invocations which run together may take, or none; what is ended then
-    /// depends on the machine [default: of `test` 8, of `smoke` 4, else none]
+    /// Maximum duration of a batch of invocations in seconds, or none; where a batch ends then
+    /// depends on the machine [default: `test`: 8, `smoke`: 4, other commands: none]
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     batch_timeout: Option<Duration>,
 }
@@ -31,24 +31,24 @@ pub(super) struct LaunchLimitArgs {
 #[derive(Args, Clone, Copy, Debug, Default)]
 #[command(next_help_heading = "Limits")]
 pub(super) struct LimitArgs {
-    /// Instructions that an invocation may execute, counted at back edges, calls and stops
-    /// [default: the scene's choice, or 268435456]
+    /// Maximum number of instructions per invocation, checked at back edges, calls and stops
+    /// [default: the scene's value, or 268435456]
     #[arg(long, value_name = "N", value_parser = numbers::from_one)]
     fuel: Option<u64>,
     #[command(flatten)]
     launch: LaunchLimitArgs,
-    /// How deeply rays may trace rays [default: the scene's choice, or 31]
+    /// Maximum recursion depth of rays [default: the scene's value, or 31]
     #[arg(long, value_name = "N")]
     max_recursion_depth: Option<u32>,
-    /// How deeply callable shaders may call each other [default: the scene's choice, or 1024]
+    /// Maximum nesting depth of callable shaders [default: the scene's value, or 1024]
     #[arg(long, value_name = "N", value_parser = callable_depth)]
     max_callable_depth: Option<u32>,
-    /// How many bytes of registers the shaders of an invocation that call each other may hold
-    /// [default: the scene's choice, or 8388608]
+    /// Maximum bytes of registers held by the nested shader calls of an invocation [default: the
+    /// scene's value, or 8388608]
     #[arg(long, value_name = "BYTES")]
     max_stack_size: Option<u64>,
-    /// How many bytes of what shaders print are kept, 64 for each text among them; what is cut is
-    /// counted [default: the scene's choice, or 67108864]
+    /// Maximum bytes of kept shader output, including 64 per text; texts beyond it are counted
+    /// [default: the scene's value, or 67108864]
     #[arg(long, value_name = "BYTES")]
     printed_bytes: Option<u64>,
 }
@@ -84,7 +84,7 @@ impl LimitArgs {
 }
 
 fn callable_depth(text: &str) -> Result<u32, String> {
-    let depth = text.parse().map_err(|_| "a number is needed".to_owned())?;
+    let depth = text.parse().map_err(|_| "expected an integer".to_owned())?;
     crate::pipeline::check_callable_depth(depth).map_err(|error| error.message().to_owned())?;
     Ok(depth)
 }

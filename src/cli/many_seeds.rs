@@ -19,22 +19,22 @@ use crate::scene::{Assembled, ResolvedScene};
 #[derive(Args, Clone, Debug)]
 #[command(group = ArgGroup::new("seeds").multiple(true))]
 pub(super) struct ManySeedsArgs {
-    /// Run N more times, and draw what the specifications leave open: the order of any-hit shaders
-    /// and how often they run, which of two hits at equal t counts, and more; exit code 6 if an
-    /// output depends on it
+    /// Run N more times and randomise behaviour that the specifications leave open: the order and
+    /// number of any-hit invocations, the choice between hits at equal t, and more; exit with 6 if
+    /// an output depends on it
     #[arg(long, value_name = "N", groups = ["checks", "seeds"], value_parser = numbers::from_one)]
     many_seeds: Option<u64>,
-    /// Draw from the seeds A to B - 1 alone, a share of --many-seeds; with --perturb N: do the runs
-    /// A + 1 to B of the N alone
+    /// Use only the seeds A to B - 1, as a share of --many-seeds; with --perturb N: perform only
+    /// the runs A + 1 to B of the N
     #[arg(long, value_name = "A..B", groups = ["checks", "seeds"], value_parser = numbers::seed_range)]
     seed_range: Option<Range<u64>>,
-    /// With --many-seeds: also draw which products of floats are added without being rounded, where
-    /// neither NoContraction nor a fast-math mode forbids it
+    /// With --many-seeds: also randomise contraction (adding a product of floats without rounding
+    /// it), where neither NoContraction nor a fast-math mode forbids it
     #[arg(long, requires = "seeds")]
     contract: bool,
-    /// With --many-seeds: also draw the rest of fast math, within the precision of Vulkan
+    /// With --many-seeds: also randomise other fast math, within Vulkan's precision requirements
     /// and what the module allows: the order of sums, quotients, elementary functions, the sign
-    /// of zeros, denormal numbers; implies --contract
+    /// of zeros, denormals; implies --contract
     #[arg(long, requires = "seeds")]
     fast_math: bool,
 }

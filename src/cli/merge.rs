@@ -25,43 +25,43 @@ use crate::harness::suite::SuiteResult;
 use crate::input::{InputLimit, InputLimits, read_argument};
 use crate::scene::image::{PictureKind, PixelEncoding, write_picture};
 
-/// Makes one report of the results that `--result` wrote on several machines.
+/// Merge the results that `--result` wrote on several machines into one report.
 ///
-/// It is the report of a run that was not shared, but for times, and so is the exit code. The order
-/// of the files does not matter, and a merged result (--result) merges with others again.
+/// Except for times, the report and the exit code are those of an undivided run. The order of the
+/// files does not matter, and a merged result (--result) can be merged again.
 #[derive(Debug, clap::Args)]
 pub(super) struct MergeArgs {
-    /// Results of the shares of one run of `test`, `stress`, `check-math`, `smoke` or `render`
+    /// Results of the shares of one `test`, `stress`, `check-math`, `smoke` or `render` run
     #[arg(value_name = "FILE", required = true)]
     files: Vec<PathBuf>,
-    /// Go on where shares are missing, and say so
+    /// Merge although shares are missing, and report which
     #[arg(long)]
     partial: bool,
-    /// How the report is printed
+    /// Format of the printed report
     #[arg(long, value_enum, default_value_t)]
     format: ReportFormat,
-    /// Of tests: how the findings of the sanitizer are printed
+    /// For tests: format of the sanitizer's printed findings
     #[arg(long, value_name = "FORMAT", value_enum, default_value_t)]
     findings: FindingFormat,
     /// Write the merged result as JSON
     #[arg(long, value_name = "FILE")]
     result: Option<PathBuf>,
-    /// Of tests: also write the findings of the sanitizer as SARIF 2.1.0
+    /// For tests: also write the sanitizer's findings as SARIF 2.1.0
     #[arg(long, value_name = "FILE")]
     sarif: Option<PathBuf>,
-    /// Of tests: write the results as JUnit XML, without times
+    /// For tests: write the results as JUnit XML, without times
     #[arg(long, value_name = "FILE")]
     junit: Option<PathBuf>,
-    /// Of tests: write the coverage as an lcov tracefile, and print a summary
+    /// For tests: write the coverage as an lcov tracefile, and print a summary
     #[arg(long, value_name = "FILE")]
     coverage: Option<PathBuf>,
-    /// Of tests: write how long each took, rounded, for `--timings` of `anyhit test`
+    /// For tests: write the rounded run time of each, for `--timings` of `anyhit test`
     #[arg(long, value_name = "FILE")]
     timings: Option<PathBuf>,
-    /// Of a picture: the file to write, .png, .exr (feature `exr`) or .raw [default: out.png]
+    /// For `render`: file to write, .png, .exr (feature `exr`) or .raw [default: out.png]
     #[arg(short, long, value_name = "FILE", value_parser = output::picture_parser())]
     output: Option<PathBuf>,
-    /// Of `stress`: the folder into which wrong cases are saved
+    /// For `stress`: folder in which wrong cases are saved
     #[arg(long, value_name = "FOLDER", default_value = "tests/stress-regressions")]
     save: PathBuf,
     #[command(flatten)]
@@ -96,7 +96,7 @@ pub(super) fn run(args: MergeArgs) -> Result<()> {
             check_math::print_merged(&files.merged()?, args.format == ReportFormat::Json)
         }
         other => {
-            let message = format!("it is a result of `anyhit {other}`, which this build does not know");
+            let message = format!("a result of `anyhit {other}`, a command that this build lacks");
             Err(Error::new(ErrorKind::UnsupportedTool, message).at(Place::File(first.clone())))
         }
     }
@@ -120,17 +120,19 @@ impl MergeArgs {
         let wrong = |flags: &[(bool, &'static str)], of: &str| {
             let given = flags.iter().find(|(given, _)| *given && command != of);
             given.map(|(_, flag)| {
-                format!("`{flag}` is for results of `anyhit {of}`, and these are of `anyhit {command}`")
+                format!("`{flag}` applies to results of `anyhit {of}`; these are results of `anyhit {command}`")
             })
         };
         let github = self.format == ReportFormat::Github && command != SuiteResult::COMMAND;
         let github = github.then(|| {
             let of = SuiteResult::COMMAND;
-            format!("`--format github` is for results of `anyhit {of}`, and these are of `anyhit {command}`")
+            format!(
+                "`--format github` applies to results of `anyhit {of}`; these are results of `anyhit {command}`"
+            )
         });
         let without_json = [RenderResult::COMMAND, "stress"].contains(&command);
         let json = (self.format == ReportFormat::Json && without_json)
-            .then(|| format!("`anyhit {command}` has no report as JSON"));
+            .then(|| format!("`anyhit {command}` has no JSON report"));
         let mistake = wrong(&of_tests, SuiteResult::COMMAND)
             .or_else(|| wrong(&of_pictures, RenderResult::COMMAND))
             .or(github)
@@ -141,8 +143,9 @@ impl MergeArgs {
     /// The reports of a suite.
     fn print_suite(&self, results: &ShareResults<SuiteResult>) -> Result<()> {
         if self.coverage.is_some() && !results.whole().coverage {
-            let message = "the shares recorded no coverage: they need `--coverage`, too";
-            return Err(Error::new(ErrorKind::InvalidArgument, message));
+            let message = "the shares recorded no coverage";
+            return Err(Error::new(ErrorKind::InvalidArgument, message)
+                .note("help: run the shares with `--coverage`, too"));
         }
         SuiteResult::check_shares(results)?;
         let result = SuiteResult::of_shares(results);
@@ -196,10 +199,10 @@ impl FilesToMerge<'_> {
         if !missing.is_empty() {
             let text = missing_shares(&missing, merged.of());
             if !args.partial {
-                let note = "`--partial` goes on with the others";
+                let note = "help: pass `--partial` to merge the others";
                 return Err(Error::new(ErrorKind::InvalidArgument, text).note(note));
             }
-            output::hint(format_args!("note: {text}: the report is of the others alone"));
+            output::hint(format_args!("note: {text}: the report covers only the others"));
         }
         if let Some(path) = &args.result {
             atomic_file::write(path, merged.to_json()?)?;

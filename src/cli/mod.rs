@@ -1,9 +1,8 @@
 //! The command line: one file per command.
 //!
 //! A command is a struct of arguments and a function `run`; its results go to standard output
-//! through `output`, and [`main`] prints the error that it returns. Exit codes: 0 fine, 1 an
-//! expectation failed, 3 a trap, 4 something unsupported, 5 a limit, 2 all other errors (clap's own
-//! for an invalid command line).
+//! through `output`, and [`main`] prints the error that it returns. Its class is the exit code, as
+//! `EXIT_CODES` lists; clap exits with 2 for an invalid command line, too.
 
 #[cfg(feature = "stress")]
 mod check_math;
@@ -57,7 +56,7 @@ macro_rules! commands {
     ($($(#[$when:meta])* $file:ident $variant:ident($args:ident)),* $(,)?) => {
         #[derive(clap::Subcommand)]
         enum Command {
-            $($(#[$when])* $variant($file::$args),)*
+            $($(#[$when])* #[command(after_help = EXIT_CODES)] $variant($file::$args),)*
         }
 
         impl Command {
@@ -90,12 +89,20 @@ commands! {
     merge Merge(MergeArgs),
 }
 
-/// Runs ray-tracing shaders on the CPU, exactly.
-///
-/// Exit codes: 0 fine, 1 an expectation failed, 3 a shader trapped, 4 something is not supported,
-/// 5 a limit is exceeded, 2 any other error.
+/// Exit codes, as the help of every command lists them.
+const EXIT_CODES: &str = "\
+Exit codes:
+  0  success
+  1  an expectation failed
+  2  any other error
+  3  a shader trapped
+  4  a feature is not supported
+  5  a limit was exceeded
+  6  the sanitizer or --many-seeds denied a finding";
+
+/// Run Vulkan ray-tracing and compute shaders on the CPU.
 #[derive(Parser)]
-#[command(name = "anyhit", version, arg_required_else_help = true)]
+#[command(name = "anyhit", version, arg_required_else_help = true, after_help = EXIT_CODES)]
 struct CommandLine {
     #[command(subcommand)]
     command: Command,
@@ -118,8 +125,8 @@ pub fn main() -> ExitCode {
             Ok(()) => {
                 if let Some(feature) = lacking_feature(&error) {
                     output::hint(format_args!(
-                        "this build of anyhit lacks the feature `{feature}`, which has the command: \
-                         build it with `--features {feature}`"
+                        "note: this build of anyhit lacks the feature `{feature}`, which provides the \
+                         command\nhelp: build it with `--features {feature}`"
                     ));
                 }
                 return u8::try_from(error.exit_code()).map_or(ExitCode::FAILURE, ExitCode::from);
@@ -190,6 +197,17 @@ mod tests {
         let answer = CommandLine::try_parse_from(line).err().unwrap();
         let answer = in_escapes(answer, line.iter().map(OsString::from)).to_string();
         assert!(answer.contains("--bogus") && !answer.contains("\n::error::"), "{answer}");
+    }
+
+    #[test]
+    fn the_help_of_every_command_lists_all_exit_codes() {
+        let program = command();
+        for one in std::iter::once(&program).chain(program.get_subcommands()) {
+            let help = one.get_after_help().map(ToString::to_string).unwrap_or_default();
+            let listed: Vec<&str> =
+                help.lines().skip(1).filter_map(|line| line.split_whitespace().next()).collect();
+            assert_eq!(listed, ["0", "1", "2", "3", "4", "5", "6"], "{}", one.get_name());
+        }
     }
 
     #[test]

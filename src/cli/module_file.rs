@@ -100,8 +100,8 @@ fn source_text(path: &Path, bytes: &[u8]) -> Option<Error> {
         ("SPIR-V assembly", format!("assemble it first: spirv-as {typed}"))
     } else {
         let note = format!(
-            "a compiled module (usually .spv) is needed here; of sources the extension says the language, or \
-             `--language`: {SOURCE_EXTENSIONS}"
+            "expected a compiled module (usually .spv), or a source whose language its extension or `--language` \
+             names: {SOURCE_EXTENSIONS}"
         );
         ("text", note)
     };

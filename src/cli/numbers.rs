@@ -13,7 +13,7 @@ pub(super) fn from_one(text: &str) -> Result<u64, String> {
     text.parse()
         .ok()
         .filter(|&number| number > 0)
-        .ok_or_else(|| format!("a whole number from 1 to {} is needed", u64::MAX))
+        .ok_or_else(|| format!("expected an integer from 1 to {}", u64::MAX))
 }
 
 /// [`from_one`] in 32 bits.
@@ -24,7 +24,7 @@ pub(super) fn from_one_u32(text: &str) -> Result<u32, String> {
     text.parse()
         .ok()
         .filter(|&number| number > 0)
-        .ok_or_else(|| format!("a whole number from 1 to {} is needed", u32::MAX))
+        .ok_or_else(|| format!("expected an integer from 1 to {}", u32::MAX))
 }
 
 /// The size of a subgroup: a power of two from 1 to 128.
@@ -33,7 +33,7 @@ pub(super) fn from_one_u32(text: &str) -> Result<u32, String> {
 /// A message for anything else.
 pub(super) fn subgroup_size(text: &str) -> Result<u32, String> {
     let number = text.parse().ok().filter(|number: &u32| number.is_power_of_two() && *number <= 128);
-    number.ok_or_else(|| "a subgroup has 1, 2, 4, ... or 128 invocations".to_owned())
+    number.ok_or_else(|| "expected a power of two from 1 to 128".to_owned())
 }
 
 /// A finite number above 0.
@@ -42,7 +42,7 @@ pub(super) fn subgroup_size(text: &str) -> Result<u32, String> {
 /// A message for anything else.
 pub(super) fn positive(text: &str) -> Result<f64, String> {
     let number = text.parse().ok().filter(|number: &f64| number.is_finite() && *number > 0.0);
-    number.ok_or_else(|| "a finite number above 0 is needed".to_owned())
+    number.ok_or_else(|| "expected a finite number above 0".to_owned())
 }
 
 /// A finite number from 0 on.
@@ -51,7 +51,7 @@ pub(super) fn positive(text: &str) -> Result<f64, String> {
 /// A message for anything else.
 pub(super) fn not_negative(text: &str) -> Result<f64, String> {
     let number = text.parse().ok().filter(|number: &f64| number.is_finite() && *number >= 0.0);
-    number.ok_or_else(|| "a finite number from 0 on is needed".to_owned())
+    number.ok_or_else(|| "expected a finite number, 0 or greater".to_owned())
 }
 
 /// A number of an f32 that is no NaN; it may be infinite.
@@ -62,10 +62,10 @@ pub(super) fn float(text: &str) -> Result<f32, String> {
     let number: Option<f32> = text.parse().ok().filter(|number: &f32| !number.is_nan());
     match number {
         Some(number) if number.is_infinite() && text.contains(|digit: char| digit.is_ascii_digit()) => {
-            Err("it is greater than an f32 can be: `inf` stands for infinity".to_owned())
+            Err("the number is out of range for an f32; write `inf` for infinity".to_owned())
         }
         Some(number) => Ok(number),
-        None => Err("a number is needed".to_owned()),
+        None => Err("expected a number".to_owned()),
     }
 }
 
@@ -76,7 +76,7 @@ pub(super) fn float(text: &str) -> Result<f32, String> {
 pub(super) fn ray_time(text: &str) -> Result<f32, String> {
     let number = text.parse().ok().filter(|number| (0.0..=1.0).contains(number));
     number
-        .ok_or_else(|| "a time from 0 to 1 is needed (VUID-RuntimeSpirv-OpTraceRayMotionNV-06366)".to_owned())
+        .ok_or_else(|| "expected a time from 0 to 1 (VUID-RuntimeSpirv-OpTraceRayMotionNV-06366)".to_owned())
 }
 
 /// Seconds, above 0.
@@ -84,7 +84,7 @@ pub(super) fn ray_time(text: &str) -> Result<f32, String> {
 /// # Errors
 /// A message for anything else, and for more seconds than a duration holds.
 pub(super) fn seconds(text: &str) -> Result<Duration, String> {
-    duration(text, 1.0).ok_or_else(|| "a finite number of seconds above 0 is needed".to_owned())
+    duration(text, 1.0).ok_or_else(|| "expected a finite number of seconds above 0".to_owned())
 }
 
 /// Minutes, above 0.
@@ -92,7 +92,7 @@ pub(super) fn seconds(text: &str) -> Result<Duration, String> {
 /// # Errors
 /// As [`seconds`].
 pub(super) fn minutes(text: &str) -> Result<Duration, String> {
-    duration(text, 60.0).ok_or_else(|| "a finite number of minutes above 0 is needed".to_owned())
+    duration(text, 60.0).ok_or_else(|| "expected a finite number of minutes above 0".to_owned())
 }
 
 fn duration(text: &str, unit: f64) -> Option<Duration> {
@@ -106,11 +106,11 @@ fn duration(text: &str, unit: f64) -> Option<Duration> {
 /// A message for anything else.
 pub(super) fn seed_range(text: &str) -> Result<Range<u64>, String> {
     let number = |text: &str| text.parse::<u64>().map_err(|error| format!("{text:?}: {error}"));
-    let (first, end) = text.split_once("..").ok_or("it has the form A..B, as 0..64")?;
+    let (first, end) = text.split_once("..").ok_or("expected A..B, such as 0..64")?;
     let (first, end) = (number(first)?, number(end)?);
     match first < end {
         true => Ok(first..end),
-        false => Err(format!("no seed is in it: the seeds are A to B - 1, and {first} is not below {end}")),
+        false => Err(format!("the range A..B contains A to B - 1 and is empty: {first} is not below {end}")),
     }
 }
 
@@ -118,7 +118,7 @@ pub(super) fn seed_range(text: &str) -> Result<Range<u64>, String> {
 pub(super) fn beyond(what: &str, range: &Range<u64>, flag: &str, count: u64) -> Error {
     let Range { start, end } = range;
     let message = format!(
-        "`--seed-range {start}..{end}` has no {what} of `{flag} {count}`: they are 0 to {}",
+        "`--seed-range {start}..{end}` contains no {what} of `{flag} {count}`, which are 0 to {}",
         count.saturating_sub(1)
     );
     Error::new(ErrorKind::InvalidArgument, message)

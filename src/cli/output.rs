@@ -140,7 +140,7 @@ pub(super) fn renamed_flag(old: &str, new: &str) {
 pub(super) fn picture_file(path: PathBuf) -> std::result::Result<PathBuf, String> {
     if PictureKind::of(&path).is_none() {
         let name = escape::path(&path);
-        return Err(format!("a picture is written as .png, .exr or .raw, and `{name}` says otherwise"));
+        return Err(format!("`{name}` does not end in .png, .exr or .raw"));
     }
     Ok(path)
 }
@@ -160,7 +160,7 @@ pub(super) fn report(error: &Error) {
     let is_helped = error.notes().iter().any(|note| note.starts_with("help: "));
     let error = match error.kind() {
         crate::error::ErrorKind::InvalidArgument if !is_helped => {
-            &error.clone().note("help: see `anyhit help` for what this takes")
+            &error.clone().note("help: run `anyhit help COMMAND` for its arguments")
         }
         _ => error,
     };

@@ -14,7 +14,7 @@ use crate::error::Result;
 /// The shaders whose lines are shown with the values of variables.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum Locals {
-    /// The closest-hit or miss shader of the first ray, or of that of --sample
+    /// The closest-hit or miss shader of the first ray, or of the ray of --sample
     Hit,
     /// Every shader that runs
     All,
@@ -25,32 +25,32 @@ enum Locals {
 /// What of the page is shown.
 #[derive(Args, Clone, Debug)]
 pub(super) struct PageArgs {
-    /// Print only what happened in short
+    /// Print only the summary
     #[arg(long, conflicts_with_all = ["json", "interactive"])]
     pub summary: bool,
-    /// The shaders whose lines are shown, with the variables that they set [default: hit; all with
+    /// Shaders whose lines are shown, with the variables that they set [default: hit; all with
     /// --shader or --at]
     #[arg(long, value_enum, value_name = "SHADERS")]
     locals: Option<Locals>,
-    /// Show only rays at this depth: 1 for those of ray generation
+    /// Show only rays at this depth; rays from ray generation have depth 1
     #[arg(long, value_name = "N", conflicts_with_all = ["json", "interactive"], value_parser = numbers::from_one_u32)]
     depth: Option<u32>,
-    /// Show only this ray of the outermost shader, counted from 0 in the order in which it traces
-    /// them (ray queries count, too), with all that followed from it
+    /// Show only this ray of the outermost shader, with everything that follows from it; rays and
+    /// ray queries are numbered from 0 in the order in which they are traced
     #[arg(long, value_name = "N", conflicts_with_all = ["interactive"])]
     sample: Option<usize>,
-    /// Show only runs of the shader with this name, file, entry point or stage
+    /// Show only invocations of the shader with this name, file, entry point or stage
     #[arg(long, value_name = "NAME", conflicts_with_all = ["json", "interactive"])]
     shader: Option<String>,
-    /// Show only what happened at this line: rays traced there, values set, texts printed
+    /// Show only the events at this line: rays traced, values set, texts printed
     #[arg(long, value_name = "FILE:LINE", value_parser = line, conflicts_with_all = ["json", "interactive"])]
     at: Option<(String, u32)>,
-    /// Show where this run parts from another one: `pixel=X,Y`, `precision=float`, `double` or
-    /// `exact`, another scene's file, or the file that --json was printed to before
+    /// Show where this run differs from another: `pixel=X,Y`, `precision=float`, `double` or
+    /// `exact`, another scene file, or a file with the output of --json
     #[arg(long, value_name = "OTHER", conflicts_with_all = ["json", "interactive", "summary"])]
     pub compare: Option<String>,
-    /// Draw the ray (that of --sample), the boxes of instances and the primitives tested, as .svg
-    /// or .png
+    /// Draw the ray (or the ray of --sample), the boxes of instances and the primitives tested, as
+    /// .svg or .png
     #[arg(long, value_name = "FILE", value_parser = picture, conflicts_with = "compare")]
     draw: Option<PathBuf>,
     /// Write the ray, the boxes of instances and the primitives tested as a Wavefront OBJ
@@ -108,14 +108,14 @@ fn picture(text: &str) -> std::result::Result<PathBuf, String> {
     let path = PathBuf::from(text);
     match path.extension().and_then(|extension| extension.to_str()) {
         Some("svg" | "png") => Ok(path),
-        _ => Err(format!("a ray is drawn as .svg or .png, and `{text}` says otherwise")),
+        _ => Err(format!("`{text}` does not end in .svg or .png")),
     }
 }
 
 /// A file and a line: `main.rgen:19`.
 fn line(text: &str) -> std::result::Result<(String, u32), String> {
-    let (file, line) = text.rsplit_once(':').ok_or("not FILE:LINE, for example `main.rgen:19`")?;
-    let line = numbers::from_one_u32(line).map_err(|_| format!("`{line}` is not the number of a line"))?;
+    let (file, line) = text.rsplit_once(':').ok_or("expected FILE:LINE, such as `main.rgen:19`")?;
+    let line = numbers::from_one_u32(line).map_err(|_| format!("`{line}` is not a line number"))?;
     if file.is_empty() {
         return Err("the file is missing before `:`".to_owned());
     }

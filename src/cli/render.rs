@@ -32,18 +32,18 @@ use crate::scene::image_entry::ImageContent;
 use crate::scene::resources::Resource;
 use crate::scene::{self, Assembled, LoadOptions, ResolvedScene, resolved};
 
-/// Renders a scene: runs its launch, dispatches or passes and saves the image that they leave.
+/// Render a scene to a picture.
 ///
-/// An image of more than 64 MiB is written while it is rendered, a band of rows at a time, if every
-/// invocation writes only to the row of its own launch index. Otherwise it is held in memory, up to
-/// 1 GiB.
+/// Runs the scene's launch, dispatches or passes and saves the output image. An image of more than
+/// 64 MiB is written in bands of rows while it is rendered, if every invocation writes only to the
+/// row of its own launch index. Otherwise it is held in memory, up to 1 GiB.
 #[derive(Debug, clap::Args)]
 pub(super) struct RenderArgs {
-    /// The scene file (`scene.toml`), or `-` for standard input [default: the built-in
-    /// swept-spheres demo]
+    /// Scene file (`scene.toml`), or `-` for standard input [default: the built-in swept-spheres
+    /// demo]
     scene: Option<PathBuf>,
 
-    /// The file to write, .png, .exr (feature `exr`) or .raw (the texels' bytes) [default: out.png]
+    /// File to write, .png, .exr (feature `exr`) or .raw (the texels' bytes) [default: out.png]
     #[arg(short, long, value_name = "FILE", value_parser = output::picture_parser())]
     output: Option<PathBuf>,
 
@@ -56,11 +56,11 @@ pub(super) struct RenderArgs {
     #[arg(long, value_name = "WxH", value_parser = size)]
     size: Option<[u32; 2]>,
 
-    /// The number of lanes in a batch; the picture does not depend on it
+    /// Number of lanes in a batch; the picture does not depend on it
     #[arg(long, value_name = "N", default_value = "64", value_parser = super::batch_widths())]
     lanes: String,
 
-    /// The precision of intersections, instead of the scene's own; only `exact` is right on every
+    /// Precision of intersections, instead of the scene's own; only `exact` is correct for every
     /// ray
     #[arg(long, value_name = "PRECISION", value_parser = precision::parser())]
     precision: Option<Precision>,
@@ -111,7 +111,7 @@ pub(super) fn run(args: RenderArgs) -> Result<()> {
     args.look.check(None)?;
     check_share(&args)?;
     if args.json && !args.stability.is_requested() {
-        let message = "`--json` is for --heat, --shadow and --perturb";
+        let message = "`--json` requires --heat, --shadow or --perturb";
         return Err(Error::new(ErrorKind::InvalidArgument, message));
     }
     if let Some(kind) = args.output.as_deref().and_then(PictureKind::of) {
@@ -121,8 +121,10 @@ pub(super) fn run(args: RenderArgs) -> Result<()> {
     let file = args.output.clone().unwrap_or_else(|| PathBuf::from("out.png"));
     let resolved = load(&args, true)?;
     let Some((output, image)) = output_image(&resolved) else {
-        let message = "the scene has no output image: give one storage image `output = true`";
-        return Err(Error::new(ErrorKind::InvalidScene, message).at(Place::File(resolved.path)));
+        let message = "the scene has no output image";
+        return Err(Error::new(ErrorKind::InvalidScene, message)
+            .at(Place::File(resolved.path))
+            .note("help: set `output = true` on one storage image"));
     };
     let mut encoding = resolved.encoding_of(output);
     encoding.keep_alpha |= args.alpha;
@@ -248,11 +250,11 @@ fn check_share(args: &RenderArgs) -> Result<()> {
         return Ok(());
     }
     let message = if !args.share.has_result() {
-        "`--shard` of a picture needs `--result FILE`: a share writes no picture"
+        "`--shard` requires `--result FILE`: a share writes no picture"
     } else if args.output.is_some() {
-        "`--result` is for `anyhit merge FILE... -o PICTURE`, which writes the picture of all shares"
+        "`--result` writes no picture: `anyhit merge FILE... -o PICTURE` writes the picture of all shares"
     } else if args.stats {
-        "`--stats` counts a whole launch, and `--result` holds a share of one"
+        "`--stats` requires a whole launch, and `--result` writes a share of one"
     } else {
         return Ok(());
     };
@@ -276,12 +278,12 @@ fn shared_bands<'a>(
     } else if pipeline.order_dependent() {
         Err("shaders depend on the order of invocations".to_owned())
     } else if pipeline.shared_memory(assembled.size, &assembled.resources).is_some() {
-        Err("invocations read what others write".to_owned())
+        Err("invocations read data that others write".to_owned())
     } else {
         assembled.launch().bands(assembled.size, streamed).map_err(|why| why.to_string())
     };
     bands.map_err(|why| {
-        let message = format!("the picture cannot be shared by rows: {why}");
+        let message = format!("the picture cannot be divided into shares of rows: {why}");
         Error::new(ErrorKind::InvalidArgument, message).at(output.place.clone())
     })
 }
@@ -297,11 +299,11 @@ fn run_look(args: RenderArgs) -> Result<()> {
         (args.share.is_requested(), "`--shard` or `--result`"),
     ];
     if let Some((_, other)) = runs_otherwise.iter().find(|(given, _)| *given) {
-        let message = format!("`--heat`, `--profile` and `--html` count one run: {other} is for another one");
+        let message = format!("`--heat`, `--profile` and `--html` cannot be used with {other}");
         return Err(Error::new(ErrorKind::InvalidArgument, message));
     }
     if args.json && !look.prints() {
-        let message = "with `--profile` or `--html` alone, `--json` has nothing to print";
+        let message = "`--json` requires --heat: `--profile` and `--html` print no JSON";
         return Err(Error::new(ErrorKind::InvalidArgument, message));
     }
     look.check(args.output.as_deref())?;
@@ -354,7 +356,7 @@ fn load(args: &RenderArgs, streams: bool) -> Result<ResolvedScene> {
 /// The error for a look at the launch of a scene that dispatches compute shaders alone.
 fn compute_only(scene: &ResolvedScene) -> Error {
     let path = shell::word(&scene.path.to_string_lossy());
-    let message = "the scene has no ray generation shader: it dispatches compute shaders";
+    let message = "the scene has no ray generation shader: it only dispatches compute shaders";
     Error::new(ErrorKind::InvalidScene, message)
         .at(Place::File(scene.path.clone()))
         .note("`--heat`, `--profile` and `--html` count the invocations of a launch")
@@ -389,7 +391,7 @@ fn split_into_bands<'a>(
     } else if let Some(reason) = why_not_in_bands(args, scene, assembled, output) {
         reason
     } else if output.resource.image().is_some_and(takes_little) {
-        "it takes no more memory than two bands of it"
+        "it needs no more memory than two bands"
     } else {
         return assembled.launch().bands(assembled.size, streamed).map_err(|why| why.to_string());
     };
@@ -403,20 +405,20 @@ fn why_not_in_bands(
     assembled: &Assembled,
     output: &resolved::ResolvedBinding,
 ) -> Option<&'static str> {
-    let Some(image) = output.resource.image() else { return Some("it is none") };
+    let Some(image) = output.resource.image() else { return Some("the output is not an image") };
     let [width, height, _] = assembled.size;
     Some(if !assembled.is_single_launch() {
         "the scene runs more than one launch"
     } else if args.sanitize.is_requested() {
         "the sanitizer runs the whole launch"
     } else if args.many_seeds.is_requested(&args.stability) {
-        "--many-seeds runs the launch again on it"
+        "--many-seeds runs the launch several times"
     } else if args.stability.is_requested() {
-        "--shadow and --perturb run the launch again on it"
+        "--shadow and --perturb run the launch several times"
     } else if image.shape != ImageShape::plane(width, height) {
-        "it is no plane as wide and high as the launch, of one level and sample"
+        "it is not a 2D image of the launch's size with one level and one sample"
     } else if !image.is_filled() {
-        "the scene gives its texels one by one"
+        "the scene sets its texels individually"
     } else if scene.bindings_of_image(output).count() > 1 {
         "it has several bindings"
     } else if output.element > 0 {

@@ -23,37 +23,37 @@ use crate::machine::{LaunchLimits, MemoryPolicy};
 use crate::scene::image::{PictureKind, PixelEncoding, write_picture};
 use crate::scene::{self, LoadOptions, ResolvedScene};
 
-/// Runs a scene's launch and dispatches, or the compute shader of a bare module.
+/// Run a scene's launch and dispatches, or the compute shader of a bare module.
 ///
-/// What shaders print goes to standard output. After a bare module its storage buffers are printed,
-/// unless --dump names others.
+/// Texts that shaders print go to standard output. After a bare module has run, its storage buffers
+/// are printed, unless --dump names others.
 #[derive(Args, Clone, Debug)]
 pub(super) struct RunArgs {
-    /// A scene file, a SPIR-V module, or a shader's source; or `-` for a scene or module on
-    /// standard input
+    /// Scene file, SPIR-V module or shader source, or `-` for a scene or module on standard input
     #[arg(value_name = "FILE")]
     file: PathBuf,
     #[command(flatten)]
     bare_module: bare_module::Arguments,
-    /// Print a buffer or an image afterwards: its name in the scene, or its binding; typed (the
-    /// default), hex or json; or write its bytes to a file, whose name has a dot or a slash
+    /// Print a buffer or an image, by its name in the scene or its binding, after the run: typed
+    /// (the default), hex or json; or write its bytes to a file, whose name contains a dot or a
+    /// slash
     #[arg(long, value_name = "WHAT[=FORMAT|=FILE]")]
     dump: Vec<String>,
-    /// Save an image afterwards: its name in the scene, or its binding; as .png, .exr (feature
-    /// `exr`) or .raw (the texels' bytes)
+    /// Save an image, by its name in the scene or its binding, after the run: as .png, .exr
+    /// (feature `exr`) or .raw (the texels' bytes)
     #[arg(long, value_name = "WHAT=FILE.png")]
     save: Vec<String>,
     /// With --save: keep the alpha of the image in a .png, which is opaque otherwise
     #[arg(long, requires = "save")]
     alpha: bool,
-    /// What an access outside its buffer does: a trap, or Vulkan's robust result [default: the
-    /// scene's choice]
+    /// Effect of an access outside its buffer: a trap, or Vulkan's robust result [default: the
+    /// scene's value]
     #[arg(long, value_name = "POLICY", value_parser = ["trap", "robust"])]
     memory: Option<String>,
-    /// The precision of a scene's intersections [default: the scene's choice]
+    /// Precision of a scene's intersections [default: the scene's value]
     #[arg(long, value_name = "PRECISION", value_parser = precision::parser())]
     precision: Option<Precision>,
-    /// The number of lanes in a batch; results do not depend on it
+    /// Number of lanes in a batch; results do not depend on it
     #[arg(long, value_name = "N", default_value = "64", value_parser = super::batch_widths())]
     lanes: String,
     /// Print statistics: invocations, batches, occupancy, time, elided work
@@ -102,12 +102,12 @@ pub(super) fn run(args: RunArgs) -> Result<()> {
         }
         false if args.precision.is_some() => {
             return Err(dump::invalid(
-                "`--precision` needs a scene: a module by itself meets no geometry".into(),
+                "`--precision` requires a scene: a bare module has no geometry".into(),
             ));
         }
         false if args.variant.variant.is_some() => {
             return Err(dump::invalid(
-                "`--variant` needs a scene: a module by itself has no variants".into(),
+                "`--variant` requires a scene: a bare module has no variants".into(),
             ));
         }
         false => {
@@ -134,7 +134,7 @@ fn run_scene(args: &RunArgs, mut scene: ResolvedScene, is_scene: bool, begin: In
         return args.stability.run(&scene, &assembled, None, args.json, args.many_seeds.perturbed_runs());
     }
     if args.json {
-        let message = "`--json` is for --shadow and --perturb; a buffer has --dump WHAT=json";
+        let message = "`--json` requires --shadow or --perturb; `--dump WHAT=json` prints a buffer as JSON";
         return Err(dump::invalid(message.to_owned()));
     }
     let printed = Arc::default();
@@ -219,7 +219,7 @@ fn saved_image(
     keep_alpha: bool,
 ) -> Result<SavedImage> {
     let Some((what, path)) = text.split_once('=') else {
-        return Err(dump::invalid(format!("`--save {text}`: WHAT=FILE.png is needed")));
+        return Err(dump::invalid(format!("`--save {text}` is not WHAT=FILE.png")));
     };
     let (at, element, found) = dump::descriptor(what, scene, resources)?;
     let bound = scene.resources.iter();
@@ -234,6 +234,6 @@ fn saved_image(
             }
             Err(why) => Err(dump::invalid(format!("`--save {text}`: {why}"))),
         },
-        dump::FoundResource::Buffer(_) => Err(dump::invalid(format!("`--save {text}`: this is a buffer"))),
+        dump::FoundResource::Buffer(_) => Err(dump::invalid(format!("`--save {text}`: this is not an image"))),
     }
 }

@@ -21,30 +21,30 @@ use crate::scene::{Assembled, ResolvedScene};
 #[derive(Args, Clone, Debug)]
 #[command(group = ArgGroup::new("checks").multiple(true))]
 pub(super) struct SanitizeArgs {
-    /// Check the shaders while they run: undefined behaviour, undefined values that something
-    /// depends on, NaNs; exit code 6 if a finding is denied
+    /// Check the shaders while they run for undefined behaviour, uses of undefined values, and
+    /// NaNs; exit with 6 if a finding is denied
     #[arg(long, group = "checks")]
     sanitize: bool,
-    /// Do not tell of this rule (`all` for every rule)
+    /// Do not report this rule (`all` for every rule)
     #[arg(long, value_name = "RULE", requires = "checks")]
     allow: Vec<String>,
-    /// Tell of this rule, but do not fail
+    /// Report this rule, but do not fail
     #[arg(long, value_name = "RULE", requires = "checks")]
     warn: Vec<String>,
-    /// Fail where this rule is broken
+    /// Fail if this rule is broken
     #[arg(long, value_name = "RULE", requires = "checks")]
     deny: Vec<String>,
-    /// How findings are printed
+    /// Format of printed findings
     #[arg(long, value_name = "FORMAT", default_value = "text", requires = "checks")]
     findings: FindingFormat,
-    /// Also write the findings to this file as SARIF 2.1.0, for code scanning; `-` for standard
-    /// output
+    /// Also write the findings to this file (`-` for standard output) as SARIF 2.1.0, for code
+    /// scanning
     #[arg(long, value_name = "FILE", requires = "checks")]
     sarif: Option<PathBuf>,
-    /// Do not tell of the findings that this file lists; `--write-baseline` makes one
+    /// Do not report the findings that this file lists; `--write-baseline` writes such a file
     #[arg(long, value_name = "FILE", requires = "checks")]
     baseline: Option<PathBuf>,
-    /// Write all findings to this file, as those that are known
+    /// Write all findings to this file, as known findings
     #[arg(long, value_name = "FILE", requires = "checks", conflicts_with = "baseline")]
     write_baseline: Option<PathBuf>,
 }
@@ -52,14 +52,14 @@ pub(super) struct SanitizeArgs {
 /// How findings are printed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub(super) enum FindingFormat {
-    /// For people: source lines with what is wrong.
+    /// Source lines with labels, for people.
     #[default]
     Text,
     /// A list of objects.
     Json,
     /// SARIF 2.1.0, for code scanning.
     Sarif,
-    /// Annotations of GitHub Actions.
+    /// GitHub Actions annotations.
     Github,
 }
 
@@ -222,10 +222,10 @@ impl SanitizeArgs {
                     && self.warn.is_empty()
                     && self.deny.is_empty() =>
                 {
-                    "every rule is allowed: nothing was looked for"
+                    "every rule is allowed: nothing was checked"
                 }
                 true => "the sanitizer found nothing",
-                false => "no output depends on the draws",
+                false => "no output depends on the randomised choices",
             });
         }
         deny(&findings)?;

@@ -14,13 +14,13 @@ use crate::escape;
 use crate::harness::init;
 use crate::machine::LaunchLimits;
 
-/// Writes a whole scene for modules, from what they declare.
+/// Write a complete scene file from the declarations of modules.
 #[derive(Args, Clone, Debug)]
 pub(super) struct SceneArgs {
-    /// Modules or sources of shaders
+    /// Modules or shader sources
     #[arg(long, value_name = "MODULE", num_args = 1.., required = true)]
     init: Vec<PathBuf>,
-    /// The file to write
+    /// File to write
     #[arg(short, long, value_name = "FILE", default_value = "scene.toml")]
     output: PathBuf,
     #[command(flatten)]
@@ -45,7 +45,7 @@ pub(super) fn run(args: SceneArgs) -> Result<()> {
         None => format!("{path}: written\nrun it: anyhit {command} {typed}\n"),
         Some(failure) => format!(
             "{path}: written; it does not run yet: {}\n\
-             fill in what the shaders need, then run it: anyhit {command} {typed}\n",
+             add what the shaders need, then run it: anyhit {command} {typed}\n",
             failure.message()
         ),
     })

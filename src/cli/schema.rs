@@ -9,13 +9,14 @@ use crate::cli::output;
 use crate::error::Result;
 use crate::harness::scene_schema::scene_schema;
 
-/// Prints the JSON Schema of `scene.toml` and `*.test.toml`: editors complete and check keys by it.
+/// Print the JSON Schema of `scene.toml` and `*.test.toml`, by which editors complete and check
+/// keys.
 ///
-/// A TOML file names its schema in its first line, for Taplo and Even Better TOML:
+/// For Taplo and Even Better TOML, name the schema in the first line of a TOML file:
 /// `#:schema scene.schema.json`.
 #[derive(Args, Clone, Debug)]
 pub(super) struct SchemaArgs {
-    /// Where to write it [default: standard output]
+    /// File to write [default: standard output]
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
 }

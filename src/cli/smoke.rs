@@ -23,18 +23,17 @@ use crate::harness::source_tree::SourceTree;
 use crate::machine::LaunchLimits;
 use crate::sanitize::{FindingRecord, formats};
 
-/// Runs every ray-tracing and compute entry point of a module on made-up inputs.
+/// Run every ray-tracing and compute entry point of a module on synthetic inputs.
 ///
 /// Buffers, images, samplers, push constants, shader records, payloads, device addresses and
-/// acceleration structures are made up from what the module declares: integers 0 to 3, floats in
-/// [0, 1), identity matrices. New sets of values are tried until every basic block was entered or
-/// new sets enter no further block. Exit codes: 0 all ran to their end, 1 one trapped or entered
-/// less than `--min-coverage`, 4 one is not supported, 2 the module is invalid, 6 the sanitizer
-/// denies what is in the module; of several modules the worst.
+/// acceleration structures are generated from the module's declarations: integers 0 to 3, floats in
+/// [0, 1), identity matrices. New sets of values are generated until every basic block was entered
+/// or new sets enter no further block. A trap, or coverage below --min-coverage, counts as a failed
+/// expectation. With several modules, the exit code is the worst of them.
 #[derive(Args, Clone, Debug)]
 pub(super) struct SmokeArgs {
-    /// A SPIR-V module, or the source of one (GLSL, WGSL, Slang, HLSL), or `-` for standard input;
-    /// or several of these, and folders, which are searched for `.spv`: then a line is told of each
+    /// SPIR-V module or shader source (GLSL, WGSL, Slang, HLSL), or `-` for standard input; of
+    /// several modules, and of folders, which are searched for `.spv`, one line each is printed
     #[arg(value_name = "MODULE", required = true)]
     modules: Vec<PathBuf>,
     #[command(flatten)]
@@ -46,36 +45,37 @@ pub(super) struct SmokeArgs {
     /// Print JSON
     #[arg(long)]
     json: bool,
-    /// The seed of all made-up values
+    /// Seed of all synthetic values
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
-    /// Instructions that an invocation may execute, counted at back edges, calls and stops
+    /// Maximum number of instructions per invocation, checked at back edges, calls and stops
     #[arg(long, value_name = "N", default_value_t = SmokeOptions::default().fuel, value_parser = numbers::from_one)]
     fuel: u64,
     /// The old name of `--fuel`.
     #[arg(long, value_name = "N", hide = true, conflicts_with = "fuel", value_parser = numbers::from_one)]
     budget: Option<u64>,
-    /// Operations that all runs of an entry point may execute, counted once for all lanes of a
-    /// batch, before no further set of values is tried
+    /// Operations, counted once per batch, that all runs of an entry point may execute before no
+    /// further set of values is generated
     #[arg(long, value_name = "N", default_value_t = SmokeOptions::default().total_fuel, value_parser = numbers::from_one)]
     total_fuel: u64,
-    /// Try no further sets of values after this time; the report then depends on the machine
+    /// Seconds after which no further set of values is generated; the report then depends on the
+    /// machine
     #[arg(long, value_name = "SECONDS", value_parser = numbers::seconds)]
     seconds: Option<Duration>,
     #[command(flatten)]
     launch_limits: LaunchLimitArgs,
-    /// Run every set of values under the sanitizer, too: what depends on no synthetic input is
-    /// denied, all else is a warning
+    /// Also run every set of values under the sanitizer: a finding that depends on a synthetic
+    /// input is a warning, any other is denied
     #[arg(long)]
     sanitize: bool,
-    /// With --sanitize: also write the findings to this file as SARIF 2.1.0, for code scanning; `-`
-    /// for standard output
+    /// With --sanitize: also write the findings to this file (`-` for standard output) as SARIF
+    /// 2.1.0, for code scanning
     #[arg(long, value_name = "FILE", requires = "sanitize")]
     sarif: Option<PathBuf>,
-    /// Fail where an entry point entered less than this many percent of its blocks
+    /// Fail if an entry point enters less than this percentage of its basic blocks
     #[arg(long, value_name = "PERCENT", value_parser = percent)]
     min_coverage: Option<f64>,
-    /// Of several modules: run N in parallel [default: one for each processor]
+    /// With several modules: run N in parallel [default: one per processor]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     jobs: Option<u16>,
     #[command(flatten)]
@@ -84,7 +84,9 @@ pub(super) struct SmokeArgs {
 
 fn percent(text: &str) -> std::result::Result<f64, String> {
     let number = text.trim_end_matches('%').parse().ok();
-    number.filter(|number| (0.0..=100.0).contains(number)).ok_or_else(|| "0 to 100 is needed".to_owned())
+    number
+        .filter(|number| (0.0..=100.0).contains(number))
+        .ok_or_else(|| "expected a number from 0 to 100".to_owned())
 }
 
 /// Runs the command.

@@ -10,24 +10,24 @@ use crate::module::interface::Stage;
 /// How sources are compiled that the command line names.
 #[derive(Args, Clone, Debug, Default)]
 pub(super) struct SourceArgs {
-    /// The language of sources, where extensions do not say it: glsl, hlsl, slang or wgsl
+    /// Language of sources whose extension does not identify it: glsl, hlsl, slang or wgsl
     #[arg(long, value_name = "LANGUAGE", value_parser = language)]
     language: Option<LanguageName>,
-    /// The stage of a GLSL source whose name does not say it, or of the one entry point that is
-    /// compiled of Slang and HLSL: raygen, intersection, any_hit, closest_hit, miss, callable or
+    /// Stage of a GLSL source whose name does not identify it, or of the single entry point to
+    /// compile from Slang or HLSL: raygen, intersection, any_hit, closest_hit, miss, callable or
     /// compute
     #[arg(long, value_name = "STAGE", value_parser = stage)]
     stage: Option<Stage>,
     /// Compile one entry point of a Slang or HLSL source [default with --stage: main]
     #[arg(long, value_name = "NAME")]
     entry: Option<String>,
-    /// Look for included files in a folder, too; may be repeated
+    /// Also search a folder for included files; may be repeated
     #[arg(short = 'I', value_name = "FOLDER")]
     include_folders: Vec<PathBuf>,
-    /// Define a name for the preprocessor; may be repeated
+    /// Define a preprocessor macro; may be repeated
     #[arg(short = 'D', value_name = "NAME[=VALUE]")]
     defines: Vec<String>,
-    /// Give the compiler a flag, as `compiler_flags` of a scene do, with its values behind blanks:
+    /// Pass a flag to the compiler, as `compiler_flags` in a scene, with its values after spaces:
     /// `--flag "-fvk-t-shift 10 0"`; may be repeated
     #[arg(long = "flag", value_name = "FLAG", allow_hyphen_values = true)]
     flags: Vec<String>,
@@ -68,7 +68,7 @@ fn stage(text: &str) -> Result<Stage, String> {
 fn named<T: Copy>(text: &str, names: &[(&str, T)]) -> Result<T, String> {
     let found = names.iter().find(|(name, _)| *name == text).map(|(_, found)| *found);
     let known = || names.iter().map(|(name, _)| *name).collect::<Vec<_>>().join(", ");
-    found.ok_or_else(|| format!("one of: {}", known()))
+    found.ok_or_else(|| format!("expected one of: {}", known()))
 }
 
 #[cfg(test)]

@@ -15,23 +15,22 @@ use crate::scene::{Assembled, ResolvedScene};
 /// How far results depend on rounding.
 #[derive(Args, Clone, Debug)]
 pub(super) struct StabilityArgs {
-    /// Run every float operation also in f64 and report line by line where the results differ: lost
-    /// bits, and branches and hits that are decided differently
+    /// Run every float operation also in f64 and report, by line, where the results differ: lost
+    /// bits, and different branches and hits
     #[arg(long, conflicts_with = "perturb")]
     shadow: bool,
     /// Run N more times with every float result perturbed at random within the errors that devices
-    /// may make, and report which outputs and branches are not stable; exit code 1 if an output is
-    /// not
+    /// may make, and report which outputs and branches are unstable; exit with 1 if an output is
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     perturb: Option<u32>,
-    /// With --perturb: the seed of the perturbations
+    /// With --perturb: seed of the perturbations
     #[arg(long, value_name = "SEED", default_value_t = 1, requires = "perturb")]
     seed: u64,
-    /// With --perturb: perturb results within the errors that Vulkan allows, or that NVIDIA's
-    /// driver was measured to make
+    /// With --perturb: perturb results within the errors that Vulkan allows, or within those
+    /// measured on NVIDIA's driver
     #[arg(long, value_name = "WHOSE", default_value = "vulkan", value_parser = ["vulkan", "nvidia"], requires = "perturb")]
     envelope: String,
-    /// With --perturb: the relative tolerance of floats, an absolute one below 1 [default: 0.01]
+    /// With --perturb: relative tolerance of floats, absolute below 1 [default: 0.01]
     #[arg(long, value_name = "X", requires = "perturb", value_parser = numbers::not_negative)]
     tolerance: Option<f64>,
 }
@@ -124,6 +123,6 @@ fn perturbed(
         return Ok(());
     }
     let count = found.outputs.len() + found.traps.len();
-    let message = format!("{count} {} not stable", if count == 1 { "output is" } else { "outputs are" });
+    let message = format!("{count} {} unstable", if count == 1 { "output is" } else { "outputs are" });
     Err(Error::new(ErrorKind::Expectation, message))
 }

@@ -27,7 +27,7 @@ pub(super) fn table(stats: &Stats, load_time: Duration, launch_time: Duration) -
     }
     if stats.zero_directions > 0 {
         text += &format!(
-            "zero directions   {:>9} rays that go nowhere: no triangle, sphere or swept sphere meets them\n",
+            "zero directions   {:>9} rays with direction 0, which hit no triangle, sphere or swept sphere\n",
             stats.zero_directions
         );
     }
@@ -48,8 +48,8 @@ pub(super) fn single_threaded(assembled: &Assembled) -> String {
     let mut text = String::new();
     for program in assembled.programs().filter(|program| program.order_dependent) {
         text += &format!(
-            "one thread, one invocation after the other: {} `{}` depends on their order (it uses what an atomic \
-             returns, exchanges, or adds floats)\n",
+            "one thread, one invocation at a time: {} `{}` depends on their order (it uses the result of an \
+             atomic, exchanges, or adds floats)\n",
             program.stage.name(),
             program.name
         );
@@ -97,11 +97,11 @@ fn shared_memory_line(owner: &str, memory: Memory) -> String {
     let place = match memory {
         Memory::Binding(Binding { set, binding }) => format!("set {set}, binding {binding}"),
         Memory::Addresses => "memory behind device addresses".to_owned(),
-        Memory::Unknown => "memory of a descriptor known only while running".to_owned(),
+        Memory::Unknown => "memory of a descriptor that is known only at run time".to_owned(),
     };
     format!(
-        "one thread, 64 invocations together in their order: {owner} invocations may reach each other's data in \
-         {place}, not only by atomic instructions that commute\n"
+        "one thread, 64 invocations at a time, in order: {owner} invocations may access each other's data in \
+         {place} by more than commutative atomics\n"
     )
 }
 
@@ -133,10 +133,10 @@ pub(super) fn elided(stats: &Stats, assembled: &Assembled) -> String {
         let (built, trees) = (number(Blas::is_built), number(Blas::has_bvh));
         let listed = match number(Blas::is_listed) {
             0 => String::new(),
-            listed => format!(" and {listed} as a list for a few rays"),
+            listed => format!(", {listed} as a list for a few rays"),
         };
         text += &format!(
-            "structures        {built:>9} of {}, met by rays, were built, {trees} of them with a tree{listed} ({})\n",
+            "structures        {built:>9} of {} were reached by rays and built, {trees} with a tree{listed} ({})\n",
             blases.len(),
             kinds.join(", ")
         );
@@ -146,7 +146,7 @@ pub(super) fn elided(stats: &Stats, assembled: &Assembled) -> String {
     let elided = stats.elided;
     let rows = [
         (elided.any_hit, "any-hit invocations for closest hits on opaque geometry"),
-        (elided.occlusion, "occlusion rays that ended at whatever hit came first"),
+        (elided.occlusion, "occlusion rays that ended at the first hit found"),
         (elided.empty, "invocations of shaders without effect"),
         (elided.unread, "invocations of shaders that write only payload words that are never read"),
     ];
@@ -160,7 +160,7 @@ pub(super) fn elided(stats: &Stats, assembled: &Assembled) -> String {
         kept += program.ops.len();
     }
     text + &format!(
-        "eliminated        {operations:>9} of {} operations and {builtins} builtins, which no output reads\n",
+        "eliminated        {operations:>9} of {} operations and {builtins} builtins that no output depends on\n",
         operations as usize + kept
     )
 }

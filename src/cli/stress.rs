@@ -19,50 +19,51 @@ use crate::scene::LoadOptions;
 use crate::stress::family::FAMILIES;
 use crate::stress::{self, FixedCases, StressReport, StressSettings, Tally};
 
-/// Draws adversarial rays and shapes and compares every answer with arbitrary precision.
+/// Generate adversarial rays and shapes and compare every hit with arbitrary-precision arithmetic.
 ///
-/// Runs until --rays or --minutes is reached, or ten answers were wrong; without either until it is
-/// interrupted. A wrong answer is made smaller, printed, and saved as a file that the tests replay.
+/// The run ends at --rays or --minutes, after ten wrong answers, or when it is interrupted. A wrong
+/// answer is reduced, printed, and saved as a file that the tests replay.
 ///
-/// With --cases the number of cases is fixed, so that --shard can share them.
+/// --cases fixes the number of cases, so that --shard can divide them among machines.
 ///
-/// With a scene file, rays are drawn in its acceleration structures, and what they find there is
-/// compared with what they find by the BVHs of another builder over the same primitives.
+/// With a scene file, random rays are traced through its acceleration structures and through BVHs
+/// that another builder makes of the same primitives, and their hits are compared.
 #[derive(Debug, clap::Args)]
 pub(super) struct StressArgs {
-    /// A scene file, or `-` for standard input
+    /// Scene file, or `-` for standard input
     #[arg(value_name = "SCENE")]
     scene: Option<PathBuf>,
 
-    /// The seed of the cases; it draws the same cases on every machine
+    /// Seed of the cases; a seed generates the same cases on every machine
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
 
-    /// Run exactly N cases of each seed, however many are wrong; the first ten are told
+    /// Run exactly N cases of each seed, however many are wrong; the first ten wrong ones are
+    /// reported
     #[arg(long, value_name = "N", conflicts_with_all = ["rays", "minutes"], value_parser = clap::value_parser!(u64).range(1..))]
     cases: Option<u64>,
 
-    /// With --cases: draw cases from each of the seeds A to B - 1
+    /// With --cases: generate cases from each of the seeds A to B - 1
     #[arg(long, value_name = "A..B", conflicts_with = "seed", value_parser = seed_range)]
     seed_range: Option<Range<u64>>,
 
-    /// End after at least this many rays
+    /// Stop after at least this many rays
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     rays: Option<u64>,
 
-    /// End after this many minutes, fractions allowed
+    /// Stop after this many minutes; fractions are allowed
     #[arg(long, value_name = "M", value_parser = minutes)]
     minutes: Option<Duration>,
 
-    /// The precision to test; below `exact` wrong answers are expected
+    /// Precision to test; below `exact`, wrong answers are expected
     #[arg(long, value_name = "PRECISION", value_parser = precision::parser(), default_value = "exact")]
     precision: Precision,
 
-    /// The folder into which wrong cases are saved
+    /// Folder in which wrong cases are saved
     #[arg(long, value_name = "FOLDER", default_value = "tests/stress-regressions")]
     save: PathBuf,
 
-    /// Print no times and no progress: what is left is the same in every run
+    /// Print no times and no progress, so that the output is the same in every run
     #[arg(long)]
     no_times: bool,
 
@@ -88,8 +89,8 @@ pub(super) fn run(args: StressArgs) -> Result<()> {
             (args.cases.is_some(), "`--cases`"),
         ];
         if let Some((_, flags)) = given.iter().find(|(given, _)| *given) {
-            let message = format!("{flags} count cases that are drawn; over a scene, rays are drawn");
-            let note = "several runs over a scene share the work by `--seed`";
+            let message = format!("{flags} cannot be used with a scene file");
+            let note = "help: give each run over the scene another `--seed`";
             return Err(Error::new(ErrorKind::InvalidArgument, message).note(note));
         }
         return run_scene(path, &args.files, &settings);
@@ -121,10 +122,10 @@ pub(super) fn run(args: StressArgs) -> Result<()> {
 }
 
 fn needs_cases() -> Error {
-    let message = "`--shard`, `--result` and `--seed-range` need `--cases N`";
+    let message = "`--shard`, `--result` and `--seed-range` require `--cases N`";
     Error::new(ErrorKind::InvalidArgument, message).note(
-        "a run that `--rays`, `--minutes` or ten failures end has no number of cases that could be shared: \
-         each share would end elsewhere",
+        "a run that `--rays`, `--minutes` or ten failures end has no fixed number of cases that shards could \
+         divide",
     )
 }
 
@@ -175,13 +176,13 @@ fn run_scene(path: &Path, files: &SceneFileArgs, settings: &StressSettings) -> R
     });
     let Tally { lines, rays, hits, trees, packets, .. } = report.tally;
     if lines == 0 {
-        let message = "the scene has no acceleration structure with primitives";
+        let message = "no acceleration structure of the scene contains primitives";
         return Err(Error::new(ErrorKind::InvalidScene, message));
     }
     let (seconds, wrong) = (report.time.as_secs_f64(), report.failures.len() as u64);
     output::print(format_args!(
-        "{lines} rays, traced {rays} times in {seconds:.1} s: {hits} hit, {trees} went through trees, {packets} in \
-         packets\n{wrong} wrong answers, judged by BVHs of obvhs over the same primitives\n"
+        "{lines} rays, traced {rays} times in {seconds:.1} s: {hits} hits, {trees} through trees, {packets} in \
+         packets\n{wrong} wrong answers, compared with BVHs that obvhs builds of the same primitives\n"
     ))?;
     for failure in &report.failures {
         output::print(format_args!("\n{failure}\n"))?;

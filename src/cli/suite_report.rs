@@ -19,7 +19,7 @@ pub(super) enum ReportFormat {
     /// Plain text
     #[default]
     Plain,
-    /// Text, with an annotation for each failure that GitHub shows at the shader's line
+    /// Text, with an annotation per failure that GitHub shows at the shader's line
     Github,
     /// One JSON object
     Json,
@@ -70,9 +70,9 @@ pub(super) fn check_formats(format: ReportFormat, findings: FindingFormat) -> Re
     if format != ReportFormat::Json || matches!(findings, FindingFormat::Text | FindingFormat::Json) {
         return Ok(());
     }
-    let message = "`--format json` and `--findings` cannot both be printed to standard output";
+    let message = "`--format json` and `--findings` cannot both print to standard output";
     Err(Error::new(ErrorKind::InvalidArgument, message)
-        .note("the JSON report has the findings; `--sarif FILE` writes them as SARIF"))
+        .note("the JSON report contains the findings; `--sarif FILE` writes them as SARIF"))
 }
 
 /// Prints what became of a test.
@@ -127,7 +127,7 @@ pub(super) fn print_end(
         }
         if let Some(how) = &whole.perturbed {
             let (held, all) = (result.held_stable(), result.tests.len());
-            output::print(format_args!("\nheld to stable outputs: {held} of {all} tests, {how}\n"))?;
+            output::print(format_args!("\nrequired to have stable outputs: {held} of {all} tests, {how}\n"))?;
         }
         print_findings(&findings, finding_format, format)?;
         output::print(report::summary(result))?;

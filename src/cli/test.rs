@@ -27,56 +27,53 @@ use crate::machine::LaunchLimits;
 use crate::sanitize::formats;
 use crate::scene::SceneFiles;
 
-/// Runs test cases: scenes with `[expect]` and `*.test.toml` files of rays.
+/// Run test cases: scenes with `[expect]` and `*.test.toml` files of rays.
 ///
-/// Exit codes: 0 all pass, 1 an expectation failed, 2 a test could not run or a file that was asked
-/// for could not be written.
+/// If a test cannot run, the exit code is that of its error; otherwise 1 if an expectation failed.
 #[derive(Debug, clap::Args)]
 pub(super) struct TestArgs {
-    /// Folders (searched for `scene.toml` and `*.test.toml`) and scene files
+    /// Scene files, and folders, which are searched for `scene.toml` and `*.test.toml`
     #[arg(value_name = "PATH", default_value = ".")]
     paths: Vec<PathBuf>,
-    /// Run the tests whose names contain TEXT; if repeated, any of them
+    /// Run the tests whose names contain TEXT; may be repeated to match any of several texts
     #[arg(long, value_name = "TEXT")]
     filter: Vec<String>,
-    /// Print the names of the tests and run none
+    /// Print the names of the tests without running them
     #[arg(long)]
     list: bool,
-    /// Rewrite recorded values and renderings; values with `because` are derived and stay
+    /// Update recorded values and renderings; derived values, which have `because`, are kept
     #[arg(long)]
     bless: bool,
     /// Stop after the first test that does not pass
     #[arg(long)]
     fail_fast: bool,
-    /// Run N cases in parallel [default: one for each processor]
+    /// Run N cases in parallel [default: one per processor]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     jobs: Option<u16>,
     #[command(flatten)]
     share: ShareArgs,
-    /// Choose the tests of a --shard so that all shares take equally long, by a file of
-    /// --write-timings
+    /// Balance the run times of --shard, from a file that --write-timings wrote
     #[arg(long, value_name = "FILE")]
     timings: Option<PathBuf>,
-    /// Write how long each test took, rounded, for --timings
+    /// Write the rounded run time of each test, for --timings
     #[arg(long, value_name = "FILE")]
     write_timings: Option<PathBuf>,
-    /// Run launches at 1, 64 and 128 lanes, whose results must be the same
+    /// Run launches with 1, 64 and 128 lanes and compare the results, which must be identical
     #[arg(long)]
     all_widths: bool,
-    /// Run every test also without the optimizer: results must be the same, bit for bit
+    /// Also run every test without the optimizer; results must be bit-identical
     #[arg(long)]
     check_optimizer: bool,
-    /// How results are printed
+    /// Format of the printed results
     #[arg(long, value_enum, default_value_t)]
     format: ReportFormat,
     /// Also write the results as JUnit XML
     #[arg(long, value_name = "FILE")]
     junit: Option<PathBuf>,
-    /// With --junit: leave out how long tests took, which differs from run to run
+    /// With --junit: omit run times, which differ from run to run
     #[arg(long, requires = "junit")]
     no_times: bool,
-    /// Write the coverage of the shaders' lines and branches as an lcov tracefile, and print a
-    /// summary
+    /// Write line and branch coverage of the shaders as an lcov tracefile, and print a summary
     #[arg(long, value_name = "FILE")]
     coverage: Option<PathBuf>,
     #[command(flatten)]
@@ -89,17 +86,18 @@ pub(super) struct TestArgs {
     many_seeds: ManySeedsArgs,
     #[command(flatten)]
     limits: LimitArgs,
-    /// Where pictures that differ are saved [default: a folder among the system's temporary files]
+    /// Folder for pictures that differ [default: a folder in the system's temporary folder]
     #[arg(long, value_name = "DIR")]
     pictures: Option<PathBuf>,
-    /// Leave out the explanations of rays and invocations beneath failures
+    /// Omit the explanations of rays and invocations from failures
     #[arg(long)]
     no_explanation: bool,
-    /// In explanations, show at most the last N lines of each any-hit or intersection shader that
-    /// decided
+    /// In explanations, show at most the last N lines that each any-hit or intersection shader
+    /// executed
     #[arg(long, value_name = "N", default_value_t = EXPLAINED_LINES)]
     explain_lines: usize,
-    /// Write a first case for modules: PATH... are their files, and last the folder to make
+    /// Write a first case for modules: PATH... are the module files, followed by the folder to
+    /// create
     #[arg(long, conflicts_with_all = ["filter", "list", "bless", "shard", "result", "junit", "coverage"])]
     init: bool,
 }
@@ -179,7 +177,7 @@ fn bazel_shard() -> Result<Option<Shard>> {
         (Some(index), Some(of)) if index < of && of <= Shard::MOST => Shard { number: index + 1, of },
         _ => {
             let message = format!(
-                "TEST_SHARD_INDEX is `{}` and TEST_TOTAL_SHARDS is `{}`: an index from 0, and how many there are",
+                "TEST_SHARD_INDEX is `{}` and TEST_TOTAL_SHARDS is `{}`: expected an index below the total",
                 escape::path(&index),
                 escape::path(&of)
             );
@@ -276,13 +274,13 @@ fn no_tests(args: &TestArgs, found: usize) -> Error {
     let paths: Vec<String> = args.paths.iter().map(|path| escape::path(&path).to_string()).collect();
     let message = match found {
         0 => format!("no tests in {}", paths.join(", ")),
-        found => format!("none of the {found} tests has \"{}\" in its name", args.filter.join("\" or \"")),
+        found => format!("no name of the {found} tests contains \"{}\"", args.filter.join("\" or \"")),
     };
     let error = Error::new(ErrorKind::InvalidArgument, message);
     match found {
         0 => error
             .note("a test is a `scene.toml`, or a ray with `[ray.expect]` in a `*.test.toml`")
-            .note("`anyhit test --init MODULE... DIR` writes a first one for compiled shaders"),
+            .note("`anyhit test --init MODULE... DIR` writes a first test for compiled shaders"),
         _ => error.note("`anyhit test --list` prints all names"),
     }
 }
@@ -299,10 +297,10 @@ fn init_case(args: &TestArgs) -> Result<()> {
         [folder, rest @ ..] if rest.iter().any(|path| path.is_file()) => {
             let files = modules.iter().chain(rest.iter().filter(|path| path.is_file()));
             let words = files.chain([folder]).map(|path| shell::word(&path.to_string_lossy()));
-            let message = format!("`{}` is no module", escape::path(folder));
+            let message = format!("`{}` is not a module", escape::path(folder));
             let command = format!("anyhit test --init {}", words.collect::<Vec<_>>().join(" "));
             return Err(Error::new(ErrorKind::InvalidArgument, message)
-                .note(format!("the folder to make stands last; did you mean `{command}`?")));
+                .note(format!("the last argument is the folder to create; did you mean `{command}`?")));
         }
         [missing, ..] => {
             let error = std::io::Error::from(std::io::ErrorKind::NotFound);
@@ -310,7 +308,7 @@ fn init_case(args: &TestArgs) -> Result<()> {
         }
     };
     let (Some(folder), false) = (folder, modules.is_empty()) else {
-        let message = "`--init` needs a module: `anyhit test --init shader.rchit.spv my-case`";
+        let message = "`--init` requires a module: `anyhit test --init shader.rchit.spv my-case`";
         return Err(Error::new(ErrorKind::InvalidArgument, message));
     };
     let (files, limits) = (args.files.files()?, args.limits.limits(LaunchLimits::TESTS));
@@ -318,11 +316,11 @@ fn init_case(args: &TestArgs) -> Result<()> {
     let (path, folder) = (escape::path(&written.path), shell::word(&folder.to_string_lossy()));
     let Some(failure) = written.failure else {
         return output::print(format_args!(
-            "{path}: written; it passes, because its values are recorded from a first run\nrun it: anyhit test {folder}\n"
+            "{path}: written; its values are recorded from a first run, so it passes\nrun it: anyhit test {folder}\n"
         ));
     };
     let zeros: String = written.zeros.iter().map(|one| format!("  {one}\n")).collect();
-    let fill = if zeros.is_empty() { String::new() } else { format!("fill in what is zeros:\n{zeros}") };
+    let fill = if zeros.is_empty() { String::new() } else { format!("replace the zeros in:\n{zeros}") };
     output::print(format_args!(
         "{path}: written; it does not pass yet: {}\n{fill}then run it: anyhit test {folder}\n",
         failure.message()

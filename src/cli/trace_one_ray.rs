@@ -32,40 +32,40 @@ use crate::scene::file::GivenRay;
 use crate::scene::files::{DiskFiles, Files};
 use crate::scene::{LoadOptions, ResolvedScene, demo};
 
-/// Traces one ray and explains everything that happened to it.
+/// Trace one ray and explain every step.
 ///
-/// Without a scene file it uses the built-in demo: a field of grass, spheres and chains.
+/// Without a scene file, the built-in demo is used: a field of grass, spheres and chains.
 #[derive(Args, Clone, Debug)]
 pub(super) struct TraceOneRayArgs {
-    /// A scene file, or `-` for standard input
+    /// Scene file, or `-` for standard input
     #[arg(value_name = "SCENE")]
     scene: Option<PathBuf>,
     /// Run the ray generation shader at this launch index
     #[arg(long, value_name = "X,Y", allow_hyphen_values = true, conflicts_with = "ray")]
     pixel: Option<String>,
-    /// Run the compute shader of a dispatch at this global invocation id, with its workgroup
+    /// Run the compute shader of a dispatch at this global invocation ID, with its workgroup
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, conflicts_with_all = ["ray", "pixel"])]
     invocation: Option<String>,
-    /// With --invocation: the dispatch, counted from 0; the launch and the dispatches before it run
-    /// first [default: 0]
+    /// With --invocation: number of the dispatch, from 0; the launch and the dispatches before it
+    /// run first [default: 0]
     #[arg(long, value_name = "N", requires = "invocation")]
     dispatch: Option<usize>,
-    /// The pass to look at, by its name or its number from 0; the passes before it run first
-    /// [default: the first launch]
+    /// Pass to examine, by its name or its number from 0; the passes before it run first [default:
+    /// the first launch]
     #[arg(long, value_name = "NAME|N", conflicts_with = "dispatch")]
     pass: Option<String>,
-    /// Trace this ray, without ray generation; or the scene's `[[ray]]` of this name
+    /// Trace this ray without a ray generation shader, or the scene's `[[ray]]` of this name
     #[arg(long, value_name = "OX,OY,OZ DX,DY,DZ", allow_hyphen_values = true)]
     ray: Option<String>,
     /// Width and height of the launch, instead of the scene's own, as for `anyhit render`
     #[arg(long, value_name = "WxH", value_parser = size)]
     size: Option<[u32; 2]>,
-    /// The precision of intersections, instead of the scene's own; only `exact` is right on every
+    /// Precision of intersections, instead of the scene's own; only `exact` is correct for every
     /// ray
     #[arg(long, value_name = "PRECISION", value_parser = precision::parser())]
     precision: Option<Precision>,
-    /// Debug it: step by line, forwards and backwards, with breakpoints and variables; commands
-    /// come from the terminal, or from standard input
+    /// Debug the run: step by line, forwards and backwards, with breakpoints and variables;
+    /// commands are read from the terminal or standard input
     #[arg(long, short, conflicts_with_all = ["json", "all"])]
     interactive: bool,
     /// Print JSON
@@ -101,7 +101,7 @@ pub(super) struct TraceOneRayArgs {
     /// With --ray: cull mask [default: 0xff]
     #[arg(long, value_name = "MASK", requires = "ray", value_parser = unsigned)]
     cull_mask: Option<u32>,
-    /// With --ray: its time, from 0 to 1, where instances or vertices move [default: 0]
+    /// With --ray: time of the ray, from 0 to 1, for moving instances and vertices [default: 0]
     #[arg(long, value_name = "TIME", requires = "ray", allow_hyphen_values = true, value_parser = numbers::ray_time)]
     time: Option<f32>,
     /// With --ray: SBT offset [default: 0]
@@ -144,7 +144,7 @@ fn trace(args: TraceOneRayArgs) -> Result<Option<Error>> {
         || args.many_seeds.is_requested(&args.stability);
     if args.interactive && looks_otherwise {
         let message =
-            "`--interactive` debugs one run: what the sanitizer or other runs find is told without it";
+            "`--interactive` cannot be used with `--sanitize`, `--many-seeds`, `--shadow` or `--perturb`";
         return Err(Error::new(ErrorKind::InvalidArgument, message));
     }
     if args.stability.is_requested() {
@@ -207,7 +207,7 @@ impl TraceOneRayArgs {
     #[cfg(not(feature = "debugger"))]
     fn debug(&self, _: &Session, _: &ExplainRequest, _: bool) -> Result<()> {
         let message = "this build of anyhit has no debugger: it lacks the feature `debugger`";
-        Err(Error::new(ErrorKind::UnsupportedTool, message).note("build it with `--features debugger`"))
+        Err(Error::new(ErrorKind::UnsupportedTool, message).note("help: build it with `--features debugger`"))
     }
 
     /// The command that traces the same again.
@@ -253,7 +253,7 @@ impl TraceOneRayArgs {
         let (mut transcript, trap) =
             session.run_with_lines(request, &follow, &mut |name| source_text(path, name))?;
         if path.is_none() {
-            transcript.scene = "swept-spheres (part of the program)".into();
+            transcript.scene = "swept-spheres (built-in)".into();
         }
         Ok((transcript, trap))
     }
@@ -338,5 +338,5 @@ fn source_text(scene: Option<&Path>, name: &str) -> Option<String> {
 
 /// A whole number, decimal or with `0x` or `0b`.
 fn unsigned(text: &str) -> std::result::Result<u32, String> {
-    command::number(text).ok_or_else(|| "not a whole number from 0 to 4294967295".to_owned())
+    command::number(text).ok_or_else(|| "expected an integer from 0 to 4294967295".to_owned())
 }

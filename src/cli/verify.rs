@@ -15,13 +15,13 @@ use crate::recording::compare::{AgainstDriver, Agreement, HitComparison};
 use crate::recording::{Comparison, Recording};
 use crate::sorted::sort;
 
-/// Compares hits that a GPU recorded with those of anyhit (docs/verify.md says how to record).
+/// Compare hits recorded on a GPU with those of anyhit.
 ///
-/// Limits are checked against `reference.*` where a file has one, otherwise against `driver.*`.
-/// Exit code 1 if a limit is exceeded.
+/// Limits apply to `reference.*` where a file contains it, otherwise to `driver.*`; an exceeded
+/// limit is a failed expectation. docs/verify.md describes how to record hits.
 #[derive(Args, Clone, Debug)]
 pub(super) struct VerifyArgs {
-    /// Recordings (`.safetensors`), or folders of them
+    /// Recordings (`.safetensors`), or folders that contain them
     #[arg(value_name = "FILE|DIR", required = true)]
     paths: Vec<PathBuf>,
     #[command(flatten)]
@@ -29,20 +29,20 @@ pub(super) struct VerifyArgs {
     /// Print JSON
     #[arg(long)]
     json: bool,
-    /// What limits are checked against
+    /// Recorded hits to which the limits apply
     #[arg(long, value_enum, default_value_t = Baseline::Auto)]
     against: Baseline,
-    /// The number of a file's hits that anyhit may miss
+    /// Number of a file's hits that anyhit may miss
     #[arg(long, value_name = "N")]
     max_missed: Option<usize>,
-    /// The number of anyhit's hits that a file may lack
+    /// Number of anyhit's hits that a file may lack
     #[arg(long, value_name = "N")]
     max_extra: Option<usize>,
-    /// The number of a file's hits that anyhit may have on another primitive at another t
+    /// Number of a file's hits that anyhit may find on another primitive at another t
     #[arg(long, value_name = "N")]
     max_other: Option<usize>,
-    /// The greatest error of t, in units in the last place; t of boxes is computed by the recorded
-    /// shader and not checked
+    /// Greatest error of t, in units in the last place; t of boxes, which the recorded shader
+    /// computes, is not checked
     #[arg(long, value_name = "ULP", value_parser = numbers::not_negative)]
     max_ulp: Option<f64>,
 }
@@ -173,7 +173,7 @@ fn recordings(paths: &[PathBuf]) -> Result<Vec<(PathBuf, bool)>> {
         let before = all.len();
         collect(path, &mut all)?;
         if all.len() == before {
-            let message = format!("{}: no `.safetensors` file in this folder", escape::path(&path));
+            let message = format!("{}: the folder contains no `.safetensors` file", escape::path(&path));
             return Err(Error::new(ErrorKind::InvalidArgument, message));
         }
         sort(&mut all[before..]);
@@ -223,12 +223,12 @@ fn text(files: &[VerifiedFile], against: Baseline) -> String {
             let _ = writeln!(wrong, "{name}: {note}");
         }
         for tensor in &comparison.ignored_tensors {
-            let _ = writeln!(wrong, "{name}: tensor `{tensor}` has no meaning here and was not read");
+            let _ = writeln!(wrong, "{name}: tensor `{tensor}` is unknown and was ignored");
         }
     }
     let mut out = table(&rows);
     if driver_rows.len() > 1 {
-        out.push_str("\nrows that differ from the driver's, and the greatest difference of floats\n");
+        out.push_str("\nrows that differ from the driver's, and the greatest difference between floats\n");
         out.push_str(&table(&driver_rows));
     }
     if !wrong.is_empty() {

@@ -153,7 +153,7 @@ impl Workspace {
         match fs::read(self.output()) {
             Ok(module) if !module.is_empty() => Ok(module),
             Err(error) if error.kind() != io::ErrorKind::NotFound => Err(Error::io(self.output(), error)),
-            _ => Err(tool.failed(source, "ended without an error and wrote no module", printed)),
+            _ => Err(tool.failed(source, "reported no error but wrote no module", printed)),
         }
     }
 }
@@ -164,10 +164,10 @@ impl Tool {
     pub(super) fn crash(&self, source: &Source, output: &Output) -> Option<Error> {
         let printed = printed(output);
         let ended = if let Some(signal) = signal(output.status) {
-            format!("was ended by signal {signal}")
+            format!("was terminated by signal {signal}")
         } else if !output.status.success() && printed.trim().is_empty() {
             match output.status.code() {
-                Some(code) => format!("ended with exit code {code} and printed nothing"),
+                Some(code) => format!("exited with code {code} and printed nothing"),
                 None => "failed and printed nothing".to_owned(),
             }
         } else {
@@ -181,7 +181,7 @@ impl Tool {
         let error = Error::new(ErrorKind::UnsupportedTool, message);
         match printed.trim() {
             "" => error,
-            printed => error.note(format!("it printed: {printed}")),
+            printed => error.note(format!("its output: {printed}")),
         }
     }
 }

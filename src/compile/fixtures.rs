@@ -148,7 +148,7 @@ pub fn check(root: &Path) -> Result<Vec<String>> {
     }
     for name in files(&folder, &|path| path.file_name().is_none_or(|name| name != RECORDS))? {
         if !requested.iter().any(|fixture| fixture.name == name) {
-            problems.push(format!("{FIXTURES}/{name}: no source asks for it"));
+            problems.push(format!("{FIXTURES}/{name}: no source requests it"));
         }
     }
     Ok(problems)
@@ -166,9 +166,9 @@ fn stale_reason(
     if record.source != source {
         Some("the source or an include of it has changed since the fixture was made")
     } else if record.flags != flags {
-        Some("the source asks for other flags than the fixture was made with")
+        Some("the source requests other flags than the fixture was made with")
     } else if record.module != bytes_hash(module) {
-        Some("the fixture is not the module that was recorded")
+        Some("the fixture differs from the recorded module")
     } else {
         None
     }
@@ -224,9 +224,9 @@ fn unknown_request(source: &Source, line: &str) -> Error {
         text: source.text().clone(),
         span: start..start + line.len(),
     };
-    Error::new(ErrorKind::InvalidSource, "a `//@` comment asks for nothing known")
+    Error::new(ErrorKind::InvalidSource, "unknown `//@` comment")
         .at(place)
-        .note("`//@ flags: FLAGS` or `//@ also SUFFIX: FLAGS`")
+        .note("expected `//@ flags: FLAGS` or `//@ also SUFFIX: FLAGS`")
 }
 
 /// The files under a folder that a test accepts, relative to it with `/`, sorted.
@@ -335,11 +335,11 @@ mod tests {
         let problems = repository.problems().join("\n");
         assert!(problems.contains("a.wgsl.spv: the source or an include of it has changed"), "{problems}");
         assert!(
-            problems.contains("b.wgsl.spv: the fixture is not the module that was recorded"),
+            problems.contains("b.wgsl.spv: the fixture differs from the recorded module"),
             "{problems}"
         );
         assert!(problems.contains("`c.wgsl.spv` has no source"), "{problems}");
-        assert!(problems.contains("c.wgsl.spv: no source asks for it"), "{problems}");
+        assert!(problems.contains("c.wgsl.spv: no source requests it"), "{problems}");
 
         let report = regenerate(&repository.0, false).unwrap();
         assert_eq!(report.removed, ["c.wgsl.spv"]);

@@ -170,17 +170,17 @@ impl CompilerFlags {
             let begin = at;
             at += 1;
             if flag.chars().any(char::is_control) {
-                return Err(refused(begin, "a flag has no control characters".to_owned()));
+                return Err(refused(begin, "a flag must not contain control characters".to_owned()));
             }
             let mut value = |attached: &str| {
                 let mut value = attached.to_owned();
                 if value.is_empty() {
                     let next = flags.get(at).map(|next| next.as_ref().to_owned());
-                    value = next.ok_or_else(|| refused(begin, format!("the flag `{flag}` needs a value")))?;
+                    value = next.ok_or_else(|| refused(begin, format!("the flag `{flag}` requires a value")))?;
                     at += 1;
                 }
                 if value.is_empty() || value.starts_with('-') {
-                    let message = format!("`{value}` is no value of the flag `{flag}`");
+                    let message = format!("`{value}` is not a value of the flag `{flag}`");
                     return Err(refused(at - 1, message));
                 }
                 Ok(value)
@@ -202,7 +202,7 @@ impl CompilerFlags {
                     for &kind in slang_values(flag).unwrap_or_default() {
                         let value = value("")?;
                         if !kind.takes(&value) {
-                            let message = format!("`{value}` is no {} of the flag `{flag}`", kind.name());
+                            let message = format!("the flag `{flag}` requires {}, not `{value}`", kind.name());
                             return Err(refused(at - 1, message));
                         }
                         all.passed.push(value);
@@ -216,7 +216,7 @@ impl CompilerFlags {
                             None => (value.as_str(), None),
                         };
                         if !is_identifier(name) {
-                            return Err(refused(at - 1, format!("`{name}` is no name that `-D` can define")));
+                            return Err(refused(at - 1, format!("`-D` cannot define `{name}`")));
                         }
                         all.defines.push((name.to_owned(), value));
                     }
@@ -225,7 +225,7 @@ impl CompilerFlags {
                         let compiler = if is_slang { "slangc" } else { "glslang" };
                         return Err(refused(
                             begin,
-                            format!("{compiler} is not given the flag `{flag}` here"),
+                            format!("the flag `{flag}` is not passed on to {compiler}"),
                         ));
                     }
                 },
@@ -273,9 +273,9 @@ fn is_identifier(name: &str) -> bool {
 /// The flags that the compiler of a language takes.
 fn known(language: Language) -> String {
     match language {
-        Language::Wgsl => "of a WGSL source the flags are: -g0, -g, -gVS, -O0".to_owned(),
+        Language::Wgsl => "the flags of a WGSL source are: -g0, -g, -gVS, -O0".to_owned(),
         Language::Glsl(_) => {
-            "of a GLSL source the flags are: -D NAME[=VALUE], -I FOLDER, -g0, -g, -gVS, -O0".to_owned()
+            "the flags of a GLSL source are: -D NAME[=VALUE], -I FOLDER, -g0, -g, -gVS, -O0".to_owned()
         }
         Language::Slang | Language::Hlsl => {
             let name = if language == Language::Slang { "a Slang" } else { "an HLSL" };
@@ -286,7 +286,7 @@ fn known(language: Language) -> String {
             let values: String = SLANG_VALUES.iter().map(with_values).collect();
             let list = SLANG_FLAGS.join(", ");
             format!(
-                "of {name} source the flags are: -D NAME[=VALUE], -I FOLDER, -g0, -g, -g2, -O0 to -O3{values}, \
+                "the flags of {name} source are: -D NAME[=VALUE], -I FOLDER, -g0, -g, -g2, -O0 to -O3{values}, \
                  -WNAME, -Wno-NAME, {list}"
             )
         }

@@ -21,7 +21,7 @@ pub(super) fn compile(source: &Source, stage: Stage, options: &CompileOptions) -
 
 fn translate(source: &Source, stage: Stage, options: &CompileOptions) -> Result<Compiled> {
     if source.text().contains('\0') {
-        let text = format!("{}: the text holds a zero byte", source.name());
+        let text = format!("{}: the text contains a NUL byte", source.name());
         return Err(Error::new(ErrorKind::InvalidSource, text));
     }
     let compiler = Compiler::acquire().ok_or_else(|| {

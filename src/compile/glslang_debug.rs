@@ -34,7 +34,7 @@ pub(super) fn compile(
     stage: ShaderStage,
     debug: DebugInfoLevel,
 ) -> Result<Vec<u32>, String> {
-    let c_string = |text: &str| CString::new(text).map_err(|_| "the text holds a zero byte".to_owned());
+    let c_string = |text: &str| CString::new(text).map_err(|_| "the text contains a NUL byte".to_owned());
     let code = c_string(preprocessed)?;
     let name = c_string(source.name())?;
     // Debuggers show the original text; the preprocessed text only gives the line numbers.

@@ -82,7 +82,7 @@ pub(super) fn compile(source: &Source, stage: Stage, options: &CompileOptions) -
         let message =
             format!("{} cannot compile {}: {}", escape::path(&tool.path), source.name(), diagnostic.text);
         let error = Error::new(ErrorKind::UnsupportedTool, message);
-        return Err(error.note("a newer glslang may, and so does anyhit's own (`--features glsl`)"));
+        return Err(error.note("help: install a newer glslang, or build anyhit with its own (`--features glsl`)"));
     }
     Err(message::error(source, diagnostics, &printed))
 }
@@ -97,7 +97,7 @@ pub(super) fn version() -> Result<String> {
 pub(super) fn tool() -> Result<Tool> {
     Tool::find(VARIABLE, &["glslang", "glslangValidator", "glslc"]).map_err(|error: Error| {
         error
-            .note(feature_note("glsl") + " (needs a C++ compiler); or install glslang, or name it in the environment variable GLSLANG")
+            .note(feature_note("glsl") + " (requires a C++ compiler); or install glslang, or set the environment variable GLSLANG to its path")
     })
 }
 

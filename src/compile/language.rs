@@ -6,7 +6,7 @@ use crate::error::{Error, ErrorKind};
 use crate::module::interface::Stage;
 
 /// The extensions that are known.
-pub const EXTENSIONS: &str = "GLSL: .rgen .rint .rahit .rchit .rmiss .rcall .comp, also with .glsl behind; WGSL: .wgsl; Slang: .slang; HLSL: .hlsl";
+pub const EXTENSIONS: &str = "GLSL: .rgen .rint .rahit .rchit .rmiss .rcall .comp, optionally followed by .glsl; WGSL: .wgsl; Slang: .slang; HLSL: .hlsl";
 
 /// The stages that sources have, by the words of scenes and of the command line.
 pub const STAGE_NAMES: [(&str, Stage); 7] = [
@@ -35,7 +35,7 @@ pub(super) fn extension(stage: Stage) -> Option<&'static str> {
 
 /// The error for a stage that no source of this crate has.
 pub(super) fn unknown_stage(stage: Stage) -> Error {
-    let text = format!("a source is compiled for ray tracing or compute, not as {}", stage.name());
+    let text = format!("a source must be a ray-tracing or compute shader, not {}", stage.name());
     Error::new(ErrorKind::InvalidArgument, text)
 }
 
@@ -107,7 +107,7 @@ impl Language {
             (Some(LanguageName::Glsl), Some(glsl @ Self::Glsl(_)), None) => glsl,
             (Some(LanguageName::Glsl), _, None) => {
                 return Err(
-                    "a GLSL source has one stage, which its name does not say: say the `stage`".to_owned()
+                    "the name of the GLSL source does not identify its stage: set `stage`".to_owned()
                 );
             }
             (Some(LanguageName::Hlsl), ..) => Self::Hlsl,
@@ -119,7 +119,7 @@ impl Language {
             (None, None, _) => return Ok(None),
         };
         if language == Self::Wgsl && stage.is_some() {
-            return Err("a WGSL source says the stages of its entry points itself".to_owned());
+            return Err("a WGSL source declares the stages of its entry points: remove `stage`".to_owned());
         }
         Ok(Some(language))
     }
@@ -133,13 +133,13 @@ impl Language {
 /// The error for a file whose language nothing says.
 pub(crate) fn unknown_language(name: &str) -> Error {
     let error =
-        Error::new(ErrorKind::InvalidArgument, format!("`{name}`: the extension is of no shader language"));
+        Error::new(ErrorKind::InvalidArgument, format!("`{name}`: the extension names no shader language"));
     let error = error.note(EXTENSIONS);
     if name.ends_with(".glsl") {
-        error.note("which stage a plain .glsl file is of: `stage` of the shader in a scene, `--stage` on the command line")
+        error.note("help: for a plain .glsl file, set `stage` of the shader in a scene, or `--stage` on the command line")
     } else {
         error.note(
-            "or say it: `language` (and `stage`) of the shader in a scene, `--language` on the command line",
+            "help: set `language` (and `stage`) of the shader in a scene, or `--language` on the command line",
         )
     }
 }

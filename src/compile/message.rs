@@ -53,7 +53,7 @@ impl CompilerDiagnostic {
 /// output is the message.
 pub(super) fn error(source: &Source, diagnostics: Vec<CompilerDiagnostic>, output: &str) -> Error {
     if diagnostics.is_empty() {
-        let message = output.trim().lines().next().unwrap_or("the compiler failed and said nothing");
+        let message = output.trim().lines().next().unwrap_or("the compiler failed and printed nothing");
         let rest = output.trim().lines().skip(1).collect::<Vec<_>>().join("\n");
         let error = Error::new(ErrorKind::InvalidSource, format!("{}: {message}", source.name()));
         return if rest.is_empty() { error } else { error.note_lines(rest) };

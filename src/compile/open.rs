@@ -76,7 +76,10 @@ impl Module {
         }
         let module = load_with(&bytes, *limits).map_err(|error| {
             let error = error.at(Place::File(path.to_path_buf()));
-            if text { error.note(format!("if it is a source: {SOURCE_EXTENSIONS}")) } else { error }
+            if !text {
+                return error;
+            }
+            error.note(format!("the extension of a source must name its language: {SOURCE_EXTENSIONS}"))
         });
         Ok((Arc::new(module?), None))
     }

@@ -73,7 +73,7 @@ impl SourceWords {
             return Ok(None);
         };
         if self.entry.is_some() && !language.is_slang_or_hlsl() {
-            return Err(invalid("the entry point is chosen in Slang and HLSL alone".to_owned()));
+            return Err(invalid("an entry point can be selected only in Slang and HLSL".to_owned()));
         }
         let entry_point = SourceEntryPoint::said(language, self.entry.as_deref(), self.stage);
         let flags = CompilerFlags::of(language, &self.flags);

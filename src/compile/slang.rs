@@ -17,7 +17,7 @@ pub(super) fn compile(source: &Source, options: &CompileOptions) -> Result<Compi
     if let Some(entry) = &options.entry_point
         && (entry.name.is_empty() || entry.name.starts_with('-') || entry.name.contains(char::is_control))
     {
-        let text = format!("`{}` is no name of an entry point", entry.name);
+        let text = format!("`{}` is not the name of an entry point", entry.name);
         return Err(Error::new(ErrorKind::InvalidArgument, text));
     }
     let workspace = Workspace::new(source)?;
@@ -67,7 +67,7 @@ pub(super) fn compile(source: &Source, options: &CompileOptions) -> Result<Compi
     if !result.status.success() {
         let error = message::error(source, message::slangc(&printed, Severity::Error), &printed);
         return Err(match printed.contains(NO_OPTIMIZER) {
-            true => error.note("this slangc has no optimiser beside it: compile with -O0"),
+            true => error.note("help: compile with -O0; this slangc has no optimiser beside it"),
             false => error,
         });
     }
@@ -149,8 +149,8 @@ pub(super) fn version() -> Result<String> {
 pub(super) fn tool() -> Result<Tool> {
     Tool::find("SLANGC", &["slangc"]).map_err(|error| {
         error
-            .note("`pip install slangtorch` ships it, in the folder slangtorch/bin")
-            .note("put it on the PATH, or name it in the environment variable SLANGC")
+            .note("`pip install slangtorch` installs it in the folder slangtorch/bin")
+            .note("help: add it to PATH, or set the environment variable SLANGC to its path")
     })
 }
 

@@ -10,10 +10,10 @@ pub fn check() -> Result<()> {
     if cfg!(feature = "flamegraph") {
         return Ok(());
     }
-    let message = "this build of anyhit draws no flame graphs: it lacks the feature `flamegraph`";
+    let message = "this build of anyhit cannot draw flame graphs: it lacks the feature `flamegraph`";
     Err(Error::new(ErrorKind::UnsupportedTool, message)
         .note(feature_note("flamegraph"))
-        .note("a profile that is written as .folded can be drawn by `inferno-flamegraph`, `flamegraph.pl` or speedscope"))
+        .note("`inferno-flamegraph`, `flamegraph.pl` and speedscope can draw a .folded profile"))
 }
 
 /// Draws folded stacks as SVG.

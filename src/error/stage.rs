@@ -80,7 +80,7 @@ impl<'de> Deserialize<'de> for Stage {
         let name = String::deserialize(deserializer)?;
         let mut named = (0..=6).chain(5267..=5365).map(Self::of);
         let stage = named.find(|stage| stage.name() == name && Self::Other(u32::MAX).name() != name);
-        stage.ok_or_else(|| D::Error::custom(format!("`{name}` is no execution model")))
+        stage.ok_or_else(|| D::Error::custom(format!("`{name}` is not an execution model")))
     }
 }
 

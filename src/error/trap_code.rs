@@ -71,7 +71,7 @@ trap_codes! {
         "an access through a null pointer";
     /// No buffer lies at a device address.
     AddressInvalid = "address_invalid",
-        "no buffer lies at a device address";
+        "a device address points to no buffer";
     /// A load or store through a device address goes beyond its buffer.
     AddressOutOfBounds = "address_out_of_bounds",
         "a buffer is accessed beyond its end through a device address";
@@ -89,17 +89,17 @@ trap_codes! {
         "a texel coordinate is outside its image";
     /// A texel of a row that the band of an image does not hold.
     ImageRowAbsent = "image_row_absent",
-        "the texel is in a row of the image that is not there: the launch runs in bands of \
+        "the texel is in a row of the image that is not in memory: the launch runs in bands of \
          rows";
     /// The image bound has another dimension, sample count or component type than the shader
     /// declares.
     ImageMismatch = "image_mismatch",
-        "the image bound here has another dimension, sample count or component type than the \
-         shader declares";
+        "the dimension, sample count or component type of the bound image differs from the \
+         shader's declaration";
     /// The sampler bound does not suit the instruction or the image.
     SamplerMismatch = "sampler_mismatch",
-        "the sampler bound here does not suit: a comparison needs compare_op, unnormalized \
-         coordinates a 1D or 2D image (Vulkan, Instruction/Sampler/Image View Validation)";
+        "the bound sampler does not match: a comparison requires compare_op, unnormalized \
+         coordinates require a 1D or 2D image (Vulkan, Instruction/Sampler/Image View Validation)";
     /// `OpUnreachable` was reached.
     Unreachable = "unreachable",
         "OpUnreachable was reached";
@@ -124,13 +124,13 @@ trap_codes! {
         "the acceleration structure of a trace does not exist";
     /// `maxPipelineRayRecursionDepth` would be passed.
     RecursionTooDeep = "recursion_too_deep",
-        "maxPipelineRayRecursionDepth is passed";
+        "maxPipelineRayRecursionDepth is exceeded";
     /// The shaders of an invocation that call each other hold more registers than the stack has.
     StackOverflow = "stack_overflow",
-        "the stack of shaders that call each other is full: an endless recursion?";
+        "the stack of nested shader calls overflowed: an endless recursion?";
     /// Callable shaders nest deeper than this machine goes.
     CallablesTooDeep = "callables_too_deep",
-        "callable shaders call each other too deeply: an endless recursion?";
+        "callable shaders are nested too deeply: an endless recursion?";
     /// The shader binding table has no such record.
     ShaderRecordMissing = "shader_record_missing",
         "the shader binding table has no such record";
@@ -139,13 +139,13 @@ trap_codes! {
         "the shader record holds no data: nothing follows its handle";
     /// The hit shader binding table has no record for what a ray met.
     HitRecordMissing = "hit_record_missing",
-        "the hit shader binding table has no record for what the ray met";
+        "the hit shader binding table has no record for the primitive that the ray hit";
     /// The miss shader binding table has no record of a ray's miss index.
     MissRecordMissing = "miss_record_missing",
-        "the miss shader binding table has no record of the ray's miss index";
+        "the miss shader binding table has no record at the ray's miss index";
     /// A called shader takes a payload, or callable data, of another type than it is given.
     PayloadMismatch = "payload_mismatch",
-        "a called shader takes a payload, or callable data, of another type than it is given";
+        "a called shader declares its payload or callable data with a different type than its caller";
     /// The hit kind of a report is above 127 (VUID-RuntimeSpirv-OpReportIntersectionKHR-06998).
     InvalidHitKind = "invalid_hit_kind",
         "the hit kind of a report is above 127",
@@ -158,7 +158,7 @@ trap_codes! {
         "a ray query is used before OpRayQueryInitializeKHR (SPV_KHR_ray_query)";
     /// `OpRayQueryProceedKHR` after it returned false.
     RayQueryComplete = "ray_query_complete",
-        "OpRayQueryProceedKHR after it returned false: the ray query is complete \
+        "OpRayQueryProceedKHR is executed after it returned false: the ray query is complete \
          (SPV_KHR_ray_query)";
     /// The candidate of a ray query is used, and there is none.
     RayQueryNoCandidate = "ray_query_no_candidate",
@@ -170,27 +170,27 @@ trap_codes! {
          (SPV_KHR_ray_query)";
     /// An instruction for triangles reads another intersection of a ray query.
     RayQueryNotTriangle = "ray_query_not_triangle",
-        "the intersection of a ray query is no triangle, as this instruction needs \
+        "the intersection of a ray query is not a triangle, as this instruction requires \
          (SPV_KHR_ray_query)";
     /// An instruction for AABBs reads another candidate of a ray query.
     RayQueryNotAabb = "ray_query_not_aabb",
-        "the candidate of a ray query is no AABB, as this instruction needs \
+        "the candidate of a ray query is not an AABB, as this instruction requires \
          (SPV_KHR_ray_query)";
     /// An instruction for triangles reads another primitive.
     NotTriangle = "not_triangle",
-        "what was hit is no triangle, as this instruction needs \
+        "the hit primitive is not a triangle, as this instruction requires \
          (SPV_KHR_ray_tracing_position_fetch)";
     /// An instruction for spheres reads another primitive.
     NotSphere = "not_sphere",
-        "what was hit is no sphere, as this instruction needs (SPV_NV_linear_swept_spheres)";
+        "the hit primitive is not a sphere, as this instruction requires (SPV_NV_linear_swept_spheres)";
     /// An instruction for linear swept spheres reads another primitive.
     NotLinearSweptSphere = "not_linear_swept_sphere",
-        "what was hit is no linear swept sphere, as this instruction needs \
+        "the hit primitive is not a linear swept sphere, as this instruction requires \
          (SPV_NV_linear_swept_spheres)";
     /// `OpRayQueryGenerateIntersectionKHR` outside the ray's interval
     /// (VUID-RuntimeSpirv-OpRayQueryGenerateIntersectionKHR-06353).
     RayQueryOutsideInterval = "ray_query_outside_interval",
-        "the generated hit lies before t_min or behind the committed hit",
+        "the generated hit is before t_min or behind the committed hit",
         "VUID-RuntimeSpirv-OpRayQueryGenerateIntersectionKHR-06353";
     /// A hit is generated in an acceleration structure with motion
     /// (VUID-RuntimeSpirv-OpRayQueryGenerateIntersectionKHR-06354).
@@ -200,12 +200,12 @@ trap_codes! {
     /// A ray query in a structure with opacity micromaps, by a shader whose `OpacityMicromapIdKHR`
     /// is false.
     RayQueryMicromaps = "ray_query_micromaps",
-        "a ray query in an acceleration structure with opacity micromaps, and the shader's \
+        "a ray query traverses an acceleration structure with opacity micromaps, but the shader's \
          execution mode OpacityMicromapIdKHR is false (SPV_KHR_opacity_micromap)";
     /// `OpControlBarrier` that some invocations of the workgroup do not come to.
     BarrierDivergence = "barrier_divergence",
-        "a barrier that not every invocation of the workgroup comes to (SPIR-V, \
-         OpControlBarrier: only in uniform control flow)";
+        "not every invocation of the workgroup reaches a barrier (SPIR-V, OpControlBarrier: \
+         only in uniform control flow)";
     /// The operands of an instruction that records a hit object break a rule.
     InvalidHitObject = "invalid_hit_object",
         "the ray of a recorded hit object breaks a rule";
@@ -223,7 +223,7 @@ trap_codes! {
          (SPV_EXT_shader_invocation_reorder)";
     /// An instruction for hits reads a hit object that is none.
     HitObjectNotHit = "hit_object_not_hit",
-        "what only a hit has is asked of a hit object that encodes none \
+        "a property of a hit is read from a hit object that encodes no hit \
          (SPV_EXT_shader_invocation_reorder)";
     /// An any-hit shader is null that the pipeline promises to have
     /// (VUID-vkCmdTraceRaysKHR-flags-03512).

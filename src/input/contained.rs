@@ -66,8 +66,8 @@ pub fn contained<T>(reader: &str, kind: ErrorKind, work: impl FnOnce() -> Result
         let words = panic.downcast_ref::<&str>().map(|text| (*text).to_owned());
         let words = words.or_else(|| panic.downcast_ref::<String>().cloned());
         let words = words.unwrap_or_else(|| "it panicked".to_owned());
-        let message = format!("the reader `{reader}` cannot read this: {words}");
-        Err(Error::new(kind, message).note(format!("the file breaks a rule that `{place}` relies on")))
+        let message = format!("the reader `{reader}` failed: {words}");
+        Err(Error::new(kind, message).note(format!("the file violates an assumption at `{place}`")))
     })
 }
 

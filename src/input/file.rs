@@ -74,7 +74,7 @@ fn regular(path: &Path, metadata: &Metadata) -> Result<()> {
     }
     let message = format!("{}: {}, not a regular file", escape::path(&path), what(metadata.file_type()));
     Err(Error::new(ErrorKind::InvalidScene, message)
-        .note("a path inside a file names a regular file; only the command line may name a pipe"))
+        .note("a path inside a file must name a regular file; only the command line may name a pipe"))
 }
 
 /// What a file is that is no regular one.
@@ -171,7 +171,7 @@ impl RootFolder {
         }
         let message = format!("{}: outside the folder {}", escape::path(&path), escape::path(&self.folder));
         Err(Error::new(ErrorKind::InvalidScene, message)
-            .note("a scene's paths may not leave this folder, links followed: `--root DIR` names another"))
+            .note("paths in a scene may not leave this folder, even by links; `--root DIR` selects another"))
     }
 }
 

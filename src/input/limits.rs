@@ -89,9 +89,9 @@ limits! {
     /// Registers, of 32 bits, of all invocations of a workgroup: 2^26.
     WorkgroupRegisters "workgroup-registers" 1 << 26, "registers of a workgroup's invocations";
     /// Bytes of one resource that a smoke test makes up: 2^27.
-    SmokeResourceBytes "smoke-resource-bytes" 1 << 27, "bytes of one resource that a smoke test makes up";
+    SmokeResourceBytes "smoke-resource-bytes" 1 << 27, "bytes of one synthetic resource of a smoke test";
     /// Bytes of all that a smoke test makes up for one launch: 2^29.
-    SmokeLaunchBytes "smoke-launch-bytes" 1 << 29, "bytes of all that a smoke test makes up for a launch";
+    SmokeLaunchBytes "smoke-launch-bytes" 1 << 29, "bytes of all synthetic inputs of a smoke test's launch";
     /// Bytes of a shader's source, and of each file that it includes: 2^26.
     SourceBytes "source-bytes" 1 << 26, "bytes of a source";
     /// Bytes of a scene's or test's own text, and of each file that it includes: 2^24. What is read
@@ -127,7 +127,7 @@ limits! {
     /// 2^30.
     ImageBytes "image-bytes" 1 << 30, "bytes of an image";
     /// Mistakes of one file or scene that are shown; the others are counted: 50.
-    ErrorsShown "errors-shown" 50, "mistakes that are shown";
+    ErrorsShown "errors-shown" 50, "errors that are shown";
 }
 
 /// The values of all limits: how much files, scenes and modules may hold, and what lowering a
@@ -184,14 +184,14 @@ impl InputLimits {
     pub fn exceeded(&self, limit: InputLimit, found: Option<u64>, kind: ErrorKind) -> Error {
         let (name, most, unit) = (limit.name(), self.get(limit), limit.unit());
         let message = match found {
-            Some(found) => format!("{found} {unit} are more than the limit `{name}` of {most}"),
-            None => format!("more {unit} than the limit `{name}` of {most}"),
+            Some(found) => format!("{found} {unit} exceed the limit `{name}` of {most}"),
+            None => format!("more {unit} than the limit `{name}` of {most} allows"),
         };
         let error = Error::new(kind, message).of_limit();
         if most >= limit.ceiling() {
-            return error.note(format!("`{name}` is as high as it can be set"));
+            return error.note(format!("the limit `{name}` cannot be raised further"));
         }
-        error.note(format!("`--limit {name}=N` raises it, in Rust `InputLimits::with`"))
+        error.note(format!("help: raise it with `--limit {name}=N`, or in Rust with `InputLimits::with`"))
     }
 }
 
@@ -217,7 +217,7 @@ impl FromStr for LimitSetting {
             return Err(wrong(format!("`{text}` is not NAME=N")));
         };
         let Some(limit) = InputLimit::ALL.iter().find(|limit| limit.name() == name.trim()) else {
-            return Err(wrong(format!("there is no limit `{name}`")));
+            return Err(wrong(format!("unknown limit `{name}`")));
         };
         let value = value.trim();
         let units = [("KiB", 10), ("MiB", 20), ("GiB", 30)];
@@ -228,7 +228,7 @@ impl FromStr for LimitSetting {
         let number = digits.parse::<u64>().ok().and_then(|number| number.checked_mul(1 << shift));
         match number {
             Some(value) => Ok(Self { limit: *limit, value }),
-            None => Err(wrong(format!("`{value}` is no number from 0 to 2^64 - 1"))),
+            None => Err(wrong(format!("`{value}` is not an integer from 0 to 2^64 - 1"))),
         }
     }
 }

@@ -18,7 +18,7 @@ pub(super) fn read(tensors: &Tensors<'_>, notes: &mut Vec<String>) -> Result<Vec
         ));
     }
     if let Some(name) = tensors.geometry_from(geometries.len()) {
-        let message = format!("tensor `{name}`, but there is no geometry {}", geometries.len());
+        let message = format!("tensor `{name}` is present, but geometry {} is missing", geometries.len());
         return Err(Error::new(ErrorKind::InvalidRecording, message));
     }
     Ok(geometries)
@@ -49,7 +49,7 @@ fn geometry(tensors: &Tensors<'_>, index: usize, notes: &mut Vec<String>) -> Res
         let negative = radii.iter().filter(|radius| **radius < 0.0).count();
         if negative > 0 {
             notes.push(format!(
-                "{negative} radii of `{}` are negative, which is not valid: their primitives are left inactive",
+                "{negative} radii of `{}` are negative, which is invalid: their primitives are inactive",
                 name("radii")
             ));
         }
@@ -91,7 +91,7 @@ fn spheres_or_linear_swept_spheres(
         return Ok(GeometryData::Spheres { positions, radii, indices });
     }
     let other = |part: &str, word: i64, values: &str| {
-        let message = format!("tensor `{}` is {word}: wanted {values}", name(part));
+        let message = format!("tensor `{}` is {word}: expected {values}", name(part));
         Error::new(ErrorKind::InvalidRecording, message)
     };
     let indexing = match mode {

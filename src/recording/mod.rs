@@ -169,7 +169,7 @@ impl Recording {
         let rays = ray::read(&tensors)?;
         let (driver, reference) = (driver(&tensors, rays.len())?, reference(&tensors, rays.len())?);
         if driver.is_none() && reference.is_none() {
-            let message = "there is neither `driver.t` nor `reference.t`: nothing to compare with";
+            let message = "the recording contains neither `driver.t` nor `reference.t`: nothing to compare with";
             return Err(Error::new(ErrorKind::InvalidRecording, message));
         }
         let unknown_tensors = tensors.unknown_tensors();
@@ -201,7 +201,7 @@ fn procedural_spheres(
     match (procedural, tensors.rows::<4>(NAME)?) {
         (false, _) => Ok(Vec::new()),
         (true, None) => {
-            Err(tensors.missing(NAME).note("it holds centre and radius of the sphere in each box"))
+            Err(tensors.missing(NAME).note("it contains centre and radius of the sphere in each box"))
         }
         (true, Some(spheres)) if spheres.len() != boxes => {
             let message = format!("`{NAME}` has {} rows for {boxes} boxes", spheres.len());

@@ -78,11 +78,11 @@ impl<'a> Tensors<'a> {
 
     /// The error that a required tensor is missing.
     pub(super) fn missing(&self, name: &str) -> Error {
-        let error = Error::new(ErrorKind::InvalidRecording, format!("there is no tensor `{name}`"));
+        let error = Error::new(ErrorKind::InvalidRecording, format!("the tensor `{name}` is missing"));
         let mut names = self.tensors.names();
         sort(&mut names);
         let shown: Vec<_> = names.iter().take(40).map(|name| format!("`{name}`")).collect();
-        error.note(format!("the tensors here are: {}", shown.join(", ")))
+        error.note(format!("the file contains: {}", shown.join(", ")))
     }
 
     /// One float for each ray.
@@ -113,7 +113,7 @@ impl<'a> Tensors<'a> {
         tensor.check_count(rays)?;
         let length = tensor.view.shape().iter().skip(1).product();
         if !lengths.contains(&length) {
-            return Err(tensor.wrong(&format!("a row has one of {lengths:?} numbers")));
+            return Err(tensor.wrong(&format!("expected rows of one of {lengths:?} numbers")));
         }
         Ok(Some(tensor.floats()?.chunks_exact(length).map(<[f64]>::to_vec).collect()))
     }
@@ -129,7 +129,7 @@ impl<'a> Tensors<'a> {
     pub(super) fn matrices(&self, name: &str) -> Result<Option<Vec<[f32; 12]>>> {
         let Some(tensor) = self.tensor(name) else { return Ok(None) };
         if !matches!(tensor.view.shape(), [_, 3, 4] | [_, 12] | [3, 4] | [12]) {
-            return Err(tensor.wrong("wanted I x 3 x 4"));
+            return Err(tensor.wrong("expected I x 3 x 4"));
         }
         Ok(Some(tensor.singles()?.chunks_exact(12).map(array).collect()))
     }
@@ -146,7 +146,7 @@ impl<'a> Tensors<'a> {
     pub(super) fn matrix(&self, name: &str) -> Result<Option<[[f32; 4]; 3]>> {
         let Some(tensor) = self.tensor(name) else { return Ok(None) };
         if !matches!(tensor.view.shape(), [3, 4] | [1, 3, 4] | [12]) {
-            return Err(tensor.wrong("wanted 3 x 4"));
+            return Err(tensor.wrong("expected 3 x 4"));
         }
         let m = tensor.singles()?;
         Ok(Some(std::array::from_fn(|row| std::array::from_fn(|column| m[4 * row + column]))))
@@ -157,7 +157,7 @@ impl<'a> Tensors<'a> {
     pub(super) fn points(&self, name: &str) -> Result<Option<Vec<[f32; 3]>>> {
         let Some(tensor) = self.tensor(name) else { return Ok(None) };
         let [_, components @ 2..=4] = *tensor.view.shape() else {
-            return Err(tensor.wrong("wanted V x 3 (or V x 2, V x 4)"));
+            return Err(tensor.wrong("expected V x 3 (or V x 2, V x 4)"));
         };
         let values = match tensor.view.dtype() {
             Dtype::I16 => tensor.words()?.iter().map(|&word| snorm16(word)).collect(),
@@ -225,7 +225,7 @@ impl<'a> Tensors<'a> {
         let Some(tensor) = self.tensor(name) else { return Ok(None) };
         match tensor.words()?.as_slice() {
             [word] => Ok(Some(*word)),
-            _ => Err(tensor.wrong("wanted one number")),
+            _ => Err(tensor.wrong("expected one number")),
         }
     }
 
@@ -257,15 +257,15 @@ impl Tensor<'_> {
         match *self.view.shape() {
             [_] if n == 1 => Ok(()),
             [_, columns] if columns == n => Ok(()),
-            _ if n == 1 => Err(self.wrong("wanted a list of numbers")),
-            _ => Err(self.wrong(&format!("wanted rows of {n}"))),
+            _ if n == 1 => Err(self.wrong("expected a list of numbers")),
+            _ => Err(self.wrong(&format!("expected rows of {n}"))),
         }
     }
 
     fn check_count(&self, count: usize) -> Result<()> {
         match self.view.shape().first() {
             Some(&rows) if rows == count => Ok(()),
-            _ => Err(self.wrong(&format!("wanted {count} rows"))),
+            _ => Err(self.wrong(&format!("expected {count} rows"))),
         }
     }
 
@@ -276,7 +276,7 @@ impl Tensor<'_> {
             Dtype::F16 => numbers(data, |bytes| f16::from_le_bytes(bytes).into()),
             Dtype::F32 => numbers(data, |bytes| f32::from_le_bytes(bytes).into()),
             Dtype::F64 => numbers(data, f64::from_le_bytes),
-            _ => return Err(self.wrong("wanted F32 or F64")),
+            _ => return Err(self.wrong("expected F32 or F64")),
         })
     }
 
@@ -294,12 +294,12 @@ impl Tensor<'_> {
                 if let Some(at) = doubles.iter().position(|x| !exact(x)) {
                     let number = doubles[at];
                     return Err(self.wrong(&format!(
-                        "number {at} is {number:?}, which no F32 is, and these numbers go to the device"
+                        "number {at} is {number:?}, which is not an F32, but the device reads F32"
                     )));
                 }
                 doubles.into_iter().map(|x| x as f32).collect()
             }
-            _ => return Err(self.wrong("wanted F32 (or F16): these numbers go to the device")),
+            _ => return Err(self.wrong("expected F32 (or F16), which the device reads")),
         })
     }
 
@@ -319,14 +319,14 @@ impl Tensor<'_> {
                 let words = words.into_iter().map(i64::try_from).collect::<Result<_, _>>();
                 words.map_err(|_| self.wrong("a number does not fit 63 bits"))?
             }
-            _ => return Err(self.wrong("wanted integers")),
+            _ => return Err(self.wrong("expected integers")),
         })
     }
 
     fn unsigned(&self, bits: u32) -> Result<Vec<u32>> {
         let words = self.words()?;
         if let Some((at, word)) = words.iter().enumerate().find(|(_, word)| !(0..1 << bits).contains(*word)) {
-            return Err(self.wrong(&format!("number {at} is {word}, and it has {bits} bits")));
+            return Err(self.wrong(&format!("number {at} is {word}, which does not fit {bits} bits")));
         }
         Ok(words.into_iter().map(|word| word as u32).collect())
     }

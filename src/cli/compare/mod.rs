@@ -39,7 +39,7 @@ impl Other {
                 let found = Precision::ALL.into_iter().find(|one| one.name() == name);
                 found.map(Self::Precision).ok_or_else(|| {
                     let all = Precision::ALL.map(Precision::name).join(", ");
-                    Error::new(ErrorKind::InvalidArgument, format!("`{name}` is no precision"))
+                    Error::new(ErrorKind::InvalidArgument, format!("`{name}` is not a precision"))
                         .note(format!("the precisions are {all}"))
                 })
             }
@@ -66,12 +66,12 @@ pub(super) fn json(transcript: &Transcript) -> Result<Value> {
 pub(super) fn read(path: &str) -> Result<Value> {
     let bytes = DiskFiles.read(Path::new(path))?;
     let invalid = |why: String| {
-        Error::new(ErrorKind::InvalidArgument, format!("`{path}` is no transcript: {why}"))
-            .note("`anyhit trace-one-ray SCENE --json` prints one")
+        Error::new(ErrorKind::InvalidArgument, format!("`{path}` is not a transcript: {why}"))
+            .note("`anyhit trace-one-ray SCENE --json` prints a transcript")
     };
     let value: Value = serde_json::from_slice(&bytes).map_err(|error| invalid(error.to_string()))?;
     if value["version"] != crate::debug::transcript::VERSION || !value["root"].is_object() {
-        return Err(invalid("it has no `version` 1 and `root`".to_owned()));
+        return Err(invalid("`version` 1 and `root` are missing".to_owned()));
     }
     Ok(value)
 }

@@ -150,7 +150,7 @@ impl Comparison {
                 self.line = None;
             }
             _ => {
-                self.plain("the t that was reported", Kind::Value, &a["t"], &b["t"]);
+                self.plain("the reported t", Kind::Value, &a["t"], &b["t"]);
                 self.plain("the hit kind", Kind::Value, &a["hit_kind"], &b["hit_kind"]);
                 self.plain("whether the hit was accepted", Kind::Way, &a["accepted"], &b["accepted"]);
             }
@@ -180,7 +180,7 @@ impl Comparison {
             let name = match (one, other) {
                 (Value::Null, present) | (present, _) => format!("instance {}", show(&present["instance"])),
             };
-            self.plain(&format!("{name}, its verdict"), Kind::Way, &one["verdict"], &other["verdict"]);
+            self.plain(&format!("{name}, verdict"), Kind::Way, &one["verdict"], &other["verdict"]);
             for (tested, against) in pairs(&one["tested"], &other["tested"]) {
                 let primitive = |one: &Value| match one {
                     Value::Null => "none".to_owned(),
@@ -194,9 +194,9 @@ impl Comparison {
                     continue;
                 }
                 let what = format!("{name}, {}", both[0]);
-                self.plain(&format!("{what}, its t"), Kind::Value, &tested["t"], &against["t"]);
+                self.plain(&format!("{what}, t"), Kind::Value, &tested["t"], &against["t"]);
                 self.plain(
-                    &format!("{what}, its verdict"),
+                    &format!("{what}, verdict"),
                     Kind::Way,
                     &tested["verdict"],
                     &against["verdict"],
@@ -216,8 +216,8 @@ impl Comparison {
         }
         self.plain("the candidate's t", Kind::Value, &a["t"], &b["t"]);
         self.plain("the candidate's record", Kind::Way, &a["record"]["index"], &b["record"]["index"]);
-        self.plain("whether it was confirmed", Kind::Way, &a["confirmed"], &b["confirmed"]);
-        self.plain("the hits generated in it", Kind::Value, &a["generated"], &b["generated"]);
+        self.plain("whether the candidate was confirmed", Kind::Way, &a["confirmed"], &b["confirmed"]);
+        self.plain("the hits generated for the candidate", Kind::Value, &a["generated"], &b["generated"]);
         self.optional_shader(&a["shader"], &b["shader"]);
     }
 
@@ -235,7 +235,7 @@ impl Comparison {
             self.differ("the hit", Kind::Way, [name(a), name(b)]);
         }
         self.plain("the hit's t", Kind::Value, &a["t"], &b["t"]);
-        self.plain("the surface that is hit", Kind::Way, &a["surface"], &b["surface"]);
+        self.plain("the surface hit", Kind::Way, &a["surface"], &b["surface"]);
         self.plain("the hit kind", Kind::Way, &a["hit_kind"], &b["hit_kind"]);
         self.named("the attribute", &a["attributes"], &b["attributes"]);
     }
@@ -315,14 +315,14 @@ impl Comparison {
         let changed = |all: &[Value], at: &str| all.iter().find(|one| place(one) == at).cloned();
         for one in &of_a {
             let at = place(one);
-            let what = format!("what is written to {at}");
+            let what = format!("the value written to {at}");
             match changed(&of_b, &at) {
                 Some(other) => self.typed(&what, &one["after"], &other["after"]),
                 None => self.differ(&what, Kind::Value, [show(&one["after"]), "no change".to_owned()]),
             }
         }
         for other in of_b.iter().filter(|other| changed(&of_a, &place(other)).is_none()) {
-            let what = format!("what is written to {}", place(other));
+            let what = format!("the value written to {}", place(other));
             self.differ(&what, Kind::Value, ["no change".to_owned(), show(&other["after"])]);
         }
     }
@@ -451,12 +451,12 @@ pub(in crate::cli) fn text(first: &Value, second: &Value, names: [&str; 2], colo
             difference(&mut page, "the first value that differs", value);
             match &way {
                 Some(way) if way != value => {
-                    difference(&mut page, "the first thing that goes another way", way)
+                    difference(&mut page, "the first divergence", way)
                 }
                 Some(_) => {}
                 None => {
                     page.blank_line();
-                    page.line("everything goes the same way");
+                    page.line("the runs do not diverge");
                 }
             }
         }

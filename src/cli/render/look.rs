@@ -37,30 +37,30 @@ const VERSION: u32 = 1;
 /// Where the cost of a launch is.
 #[derive(Args, Clone, Debug)]
 pub(super) struct LookArgs {
-    /// Count what each pixel costs and draw a heat map, to --output [default: heat.png]; the worst
-    /// pixels are printed as commands that explain them (docs/looking.md says what is counted)
+    /// Count the cost of each pixel and draw a heat map to --output [default: heat.png]; the worst
+    /// pixels are printed as commands that explain them (docs/looking.md describes the measures)
     #[arg(long, value_name = "MEASURE", value_parser = measures())]
     heat: Option<HeatMeasure>,
-    /// With --heat: the number that gets the last colour, and all above it, so that two heat maps
-    /// can be compared [default: the greatest]
+    /// With --heat: number from which on pixels have the last colour, so that two heat maps can be
+    /// compared [default: the greatest]
     #[arg(long, value_name = "NUMBER", requires = "heat", value_parser = numbers::positive)]
     heat_max: Option<f64>,
-    /// Write the instructions of every source line, with the calls that led there: folded stacks
-    /// (.folded) or a flame graph (.svg, feature `flamegraph`)
+    /// Write the instruction counts of every source line and call stack: folded stacks (.folded) or
+    /// a flame graph (.svg, feature `flamegraph`)
     #[arg(long, value_name = "FILE")]
     profile: Option<PathBuf>,
-    /// Write a page: the picture with the explanation of its pixels, heat maps to lay over it, and
-    /// another picture to compare it with
+    /// Write an HTML page: the picture with explanations of its pixels, heat maps as layers, and
+    /// another picture for comparison
     #[arg(long, value_name = "FILE")]
     html: Option<PathBuf>,
-    /// With --html: the picture to compare with [default: `expect.png` beside the scene, if it is
-    /// there and has the same size]
+    /// With --html: picture to compare with [default: `expect.png` beside the scene, if it exists
+    /// and has the same size]
     #[arg(long, value_name = "PICTURE", requires = "html")]
     compare: Option<PathBuf>,
-    /// With --html: explain this pixel, too; may be repeated
+    /// With --html: also explain this pixel; may be repeated
     #[arg(long, value_name = "X,Y", requires = "html", allow_hyphen_values = true)]
     explain: Vec<String>,
-    /// With --heat, --profile and --html: the pass to look at, by its name or its number from 0
+    /// With --heat, --profile and --html: pass to examine, by its name or its number from 0
     /// [default: the first launch]
     #[arg(long, value_name = "NAME|N")]
     pass: Option<String>,
@@ -98,14 +98,14 @@ impl LookArgs {
     /// `InvalidArgument`, and `UnsupportedTool` for what this build lacks.
     pub(super) fn check(&self, output: Option<&Path>) -> Result<()> {
         if self.pass.is_some() && !self.is_requested() {
-            return Err(invalid("`--pass` says which launch --heat, --profile and --html look at"));
+            return Err(invalid("`--pass` requires --heat, --profile or --html"));
         }
         if self.heat.is_some()
             && let Some(path) = output
             && PictureKind::of(path) != Some(PictureKind::Png)
         {
             let name = escape::path(&path);
-            return Err(invalid(format!("a heat map is written as .png, and `{name}` says otherwise")));
+            return Err(invalid(format!("a heat map is a .png file, and `{name}` does not end in .png")));
         }
         if let Some(path) = &self.profile {
             match extension(path).as_deref() {
@@ -113,7 +113,7 @@ impl LookArgs {
                 Some("svg") => flame_graph::check()?,
                 _ => {
                     let message = format!(
-                        "a profile is written as .folded or .svg, and `{}` says neither",
+                        "a profile is a .folded or .svg file, and `{}` ends in neither",
                         escape::path(&path)
                     );
                     return Err(invalid(message));
@@ -224,9 +224,9 @@ impl LookArgs {
         let is_launched = cost.size == [width, height, 1];
         if !is_launched {
             let [x, y, z] = cost.size;
-            let message = format!("the image `{name}` is {width} x {height}, and the launch {x} x {y} x {z}");
+            let message = format!("the image `{name}` is {width} x {height}, but the launch is {x} x {y} x {z}");
             return Err(invalid(message)
-                .note("a page needs an image with a pixel for each invocation: `--pass` chooses a launch"));
+                .note("a page requires an image with a pixel per invocation; `--pass` selects a launch"));
         }
         let mut layers = Vec::new();
         for measure in HeatMeasure::ALL {
@@ -248,7 +248,7 @@ impl LookArgs {
         for text in &self.explain {
             let [x, y] = asked(text)?;
             if x >= width || y >= height {
-                let last = format!("pixels go from 0,0 to {},{}", width - 1, height - 1);
+                let last = format!("pixels range from 0,0 to {},{}", width - 1, height - 1);
                 return Err(invalid(format!("`--explain {text}` is outside the picture")).note(last));
             }
             wanted.push([x, y]);
@@ -265,7 +265,7 @@ impl LookArgs {
         let selected = wanted.first().copied();
         wanted.extend(layers.iter().flat_map(|layer| &layer.worst).map(|(pixel, _)| *pixel));
         let chosen = ChosenPixels::of(extent, &wanted);
-        let scene_name = given.scene.is_none().then_some("swept-spheres (part of the program)");
+        let scene_name = given.scene.is_none().then_some("swept-spheres (built-in)");
         let explained = explain(session, self.pass.as_deref(), scene_name, &chosen.pixels);
         let path = escape::path(&session.scene().path);
         let title = scene_name.map_or_else(|| path.to_string(), str::to_owned);
@@ -312,7 +312,7 @@ impl LookArgs {
             (true, _) => Ok(Some(Rgba8 { extent, pixels: picture.rgba8(PixelEncoding::STORED)? })),
             (false, None) => Ok(None),
             (false, Some(_)) => {
-                let message = format!("the picture is {width} x {height}, and what is rendered {a} x {b}");
+                let message = format!("the picture is {width} x {height}, but the rendering is {a} x {b}");
                 Err(invalid(message).at(Place::File(path.clone())))
             }
         }
@@ -338,8 +338,10 @@ fn output_of<'a>(
 ) -> Result<(&'a Image, PixelEncoding)> {
     let found = output_image(session.scene(), &run.resources);
     let (output, image) = found.ok_or_else(|| {
-        let message = "the scene has no output image: give one storage image `output = true`";
-        Error::new(ErrorKind::InvalidScene, message).at(Place::File(session.scene().path.clone()))
+        let message = "the scene has no output image";
+        Error::new(ErrorKind::InvalidScene, message)
+            .at(Place::File(session.scene().path.clone()))
+            .note("help: set `output = true` on one storage image")
     })?;
     let mut encoding = session.scene().encoding_of(output);
     encoding.keep_alpha |= keep_alpha;

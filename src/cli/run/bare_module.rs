@@ -34,25 +34,25 @@ use crate::scene::{Files, LoadOptions, ResolvedScene, load_text};
 /// The arguments that a bare module needs and a scene file holds itself.
 #[derive(Args, Clone, Debug, Default)]
 pub(super) struct Arguments {
-    /// The compute entry point, where there are several
+    /// Compute entry point, if the module has several
     #[arg(long, value_name = "NAME")]
     entry: Option<String>,
     /// Workgroups along x, y and z [default: 1,1,1]
     #[arg(long, value_name = "X[,Y[,Z]]")]
     groups: Option<String>,
-    /// Push constants, written as in a scene file: "u32 = 3" or "[{ u32 = 3 }, { f32 = [1, 2] }]"
+    /// Push constants, as in a scene file: "u32 = 3" or "[{ u32 = 3 }, { f32 = [1, 2] }]"
     #[arg(long, value_name = "DATA")]
     push: Option<String>,
-    /// The value of a specialization constant, by its `constant_id` or its name
+    /// Value of a specialization constant, by its `constant_id` or its name
     #[arg(long, value_name = "ID=VALUE")]
     spec: Vec<String>,
-    /// The content of a buffer: a size in bytes, data as in a scene file, or a file [default:
-    /// zeros, and an element of a runtime array for each invocation]. `1@ADDRESS=...` puts it at a
-    /// device address, `1@=...` at an automatic one, and nothing behind the `=` means the default;
-    /// `NAME@ADDRESS=...` and `NAME@=...` are buffers that are bound nowhere
+    /// Content of a buffer: a size in bytes, data as in a scene file, or a file [default: zeros,
+    /// with one element of a runtime array per invocation]. `1@ADDRESS=...` places it at a device
+    /// address, `1@=...` at an automatic one; an empty value selects the default content.
+    /// `NAME@ADDRESS=...` and `NAME@=...` declare buffers without a binding
     #[arg(long, value_name = "([SET,]BINDING|NAME)[@[ADDRESS]]=SIZE|DATA|FILE")]
     buffer: Vec<String>,
-    /// An image: a size, with a format, or a file [default: a texel of a storage image for each
+    /// Image: a size with a format, or a file [default for a storage image: one texel per
     /// invocation]
     #[arg(long, value_name = "[SET,]BINDING=WxH[,FORMAT]|FILE")]
     image: Vec<String>,
@@ -104,14 +104,14 @@ impl ResourceArgument {
                     let (flag, value) = (format!("--{name} {text}"), value.trim().to_owned());
                     Ok(Self { flag, binding, element, address, value })
                 }
-                None => Err(invalid(format!("`--{name} {text}`: [SET,]BINDING=... is needed"))),
+                None => Err(invalid(format!("`--{name} {text}` is not [SET,]BINDING=..."))),
             }
         });
         let given: Vec<Self> = given.collect::<Result<_>>()?;
         for (index, one) in given.iter().enumerate() {
             let is_same = |other: &&Self| other.binding == one.binding && other.element == one.element;
             if let Some(other) = given[..index].iter().find(is_same) {
-                return Err(invalid(format!("`{}` and `{}` are for one binding", other.flag, one.flag)));
+                return Err(invalid(format!("`{}` and `{}` name the same binding", other.flag, one.flag)));
             }
         }
         Ok(given)
@@ -159,7 +159,7 @@ impl Arguments {
         ];
         match given.iter().find(|(_, given)| *given) {
             Some((name, _)) => {
-                Err(invalid(format!("{name} is for modules by themselves: a scene file says it itself")))
+                Err(invalid(format!("{name} is only for bare modules: a scene file sets its own values")))
             }
             None => Ok(()),
         }
@@ -210,13 +210,14 @@ impl Arguments {
             (_, true) => {
                 let all: Vec<_> = module.entry_points.iter().collect();
                 invalid(format!("{shown} has no compute entry point"))
-                    .note(format!("it has {}", if all.is_empty() { "none".into() } else { list(&all) }))
-                    .note("a ray-tracing shader needs a scene file: anyhit run scene.toml")
+                    .note(format!("its entry points: {}", if all.is_empty() { "none".into() } else { list(&all) }))
+                    .note("a ray-tracing shader requires a scene file: anyhit run scene.toml")
             }
             (Some(name), _) => invalid(format!("{shown} has no compute entry point `{name}`"))
-                .note(format!("it has {}", list(&compute))),
-            (None, _) => invalid(format!("{shown} has several compute entry points: give one with --entry"))
-                .note(format!("it has {}", list(&compute))),
+                .note(format!("its compute entry points: {}", list(&compute))),
+            (None, _) => invalid(format!("{shown} has several compute entry points"))
+                .note(format!("its compute entry points: {}", list(&compute)))
+                .note("help: select one with --entry"),
         })
     }
 
@@ -227,7 +228,7 @@ impl Arguments {
             Some([x]) => Ok([*x, 1, 1]),
             Some([x, y]) => Ok([*x, *y, 1]),
             Some([x, y, z]) => Ok([*x, *y, *z]),
-            _ => Err(invalid(format!("`--groups {text}`: X, X,Y or X,Y,Z is needed"))),
+            _ => Err(invalid(format!("`--groups {text}` is not X, X,Y or X,Y,Z"))),
         }
     }
 
@@ -245,7 +246,7 @@ impl Arguments {
         for text in &self.spec {
             let parts = text.split_once('=').filter(|(key, _)| !key.trim().is_empty());
             let Some((key, value)) = parts else {
-                return Err(invalid(format!("`--spec {text}`: ID=VALUE or NAME=VALUE is needed")));
+                return Err(invalid(format!("`--spec {text}` is not ID=VALUE or NAME=VALUE")));
             };
             let id = match key.trim().parse() {
                 Ok(id) => id,
@@ -279,8 +280,8 @@ impl Arguments {
         out.too_large = is_too_large.then(|| {
             let [x, y, z] = size;
             format!(
-                "`{groups_text}`: with workgroups of {x} x {y} x {z} the dispatch has {invocations} invocations, and \
-                 less than 2^32 along each axis and less than 2^40 in all are possible"
+                "`{groups_text}`: with workgroups of {x} x {y} x {z} the dispatch has {invocations} invocations; the \
+                 maximum is 2^32 - 1 along each axis and 2^40 - 1 in total"
             )
         });
         out.text += "version = 1\n";
@@ -346,7 +347,7 @@ impl Arguments {
                 let beyond = given.iter().flatten().filter_map(|one| one.element).find(|at| *at >= bound);
                 if let Some(at) = beyond {
                     return Err(invalid(format!(
-                        "set {set}, binding {} has no element {at}: {bound} are bound",
+                        "set {set}, binding {} has no element {at}: {bound} elements are bound",
                         binding.binding
                     )));
                 }
@@ -366,7 +367,7 @@ impl Arguments {
             if !variables.iter().any(used) {
                 let Binding { set, binding } = given.binding;
                 let (flag, name) = (&given.flag, &entry.name);
-                out.notes.push(format!("`{flag}`: `{name}` uses nothing at set {set}, binding {binding}"));
+                out.notes.push(format!("`{flag}`: `{name}` does not use set {set}, binding {binding}"));
             }
         }
         Ok(out)
@@ -593,8 +594,8 @@ impl ResourceTable<'_> {
                     false => ("an element of its runtime array", format!("--buffer {set},{binding}=SIZE")),
                 };
                 Origin::Default(format!(
-                    "`{name}` at set {set}, binding {binding} has by default {each} for each of the {invocations} \
-                     invocations of `{groups}`: `{flag}` gives its size"
+                    "by default, `{name}` at set {set}, binding {binding} has {each} for each of the {invocations} \
+                     invocations of `{groups}`: set its size with `{flag}`"
                 ))
             }
         };
@@ -635,7 +636,7 @@ impl ResourceTable<'_> {
                         let size = runtime.or_else(|| module.size_of(ty));
                         let Some(size) = size else {
                             return Err(invalid(format!(
-                                "`{name}`: give its size with --buffer {set},{number}=SIZE"
+                                "the size of `{name}` is unknown: set it with --buffer {set},{number}=SIZE"
                             )));
                         };
                         let _ = writeln!(text, "size = {size}");
@@ -652,9 +653,9 @@ impl ResourceTable<'_> {
             }
             Type::AccelerationStructure => {
                 return Err(invalid(format!(
-                    "`{name}` is an acceleration structure, which needs a scene file"
+                    "`{name}` is an acceleration structure, which requires a scene file"
                 ))
-                .note("a [[dispatch]] in a scene runs a compute shader too: docs/scene.md"));
+                .note("a [[dispatch]] in a scene also runs a compute shader: docs/scene.md"));
             }
             _ => {
                 return Err(Error::new(
@@ -693,7 +694,7 @@ fn image_table(
     let format = format_name(declared_format(module, &ty));
     let Some(given) = given.map(|given| given.value.as_str()) else {
         if !storage {
-            return Err(invalid(format!("`{name}` is sampled: give it with --image [SET,]BINDING=FILE")));
+            return Err(invalid(format!("`{name}` is sampled: load it with --image [SET,]BINDING=FILE")));
         }
         let _ = writeln!(text, "format = \"{format}\"");
         return Ok(());

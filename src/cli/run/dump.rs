@@ -71,9 +71,9 @@ pub(super) fn hint(scene: &ResolvedScene) -> String {
     let names: Vec<_> =
         scene.resources.iter().filter(holds_data).map(|one| format!("`{}`", one.name)).collect();
     match names.is_empty() {
-        true => "it ran; --stats counts what was done".to_owned(),
+        true => "done; --stats prints statistics".to_owned(),
         false => {
-            format!("it ran; --dump WHAT shows what it left of {}, --stats what was done", names.join(", "))
+            format!("done; --dump WHAT prints the content of {}, --stats prints statistics", names.join(", "))
         }
     }
 }
@@ -88,8 +88,8 @@ impl Dump {
             // A misspelt format is no file.
             Some((what, file)) if file.contains(['.', '/', '\\']) => (what, Format::File(file.into())),
             Some((_, other)) => {
-                let error = invalid(format!("`--dump {text}`: `{other}` is none of typed, hex and json"));
-                return Err(error.note("the name of a file to write has a dot or a slash"));
+                let error = invalid(format!("`--dump {text}`: `{other}` is not typed, hex or json"));
+                return Err(error.note("the name of a file to write contains a dot or a slash"));
             }
         };
         Ok(Self { what: what.to_owned(), format, unless_zero: false })
@@ -269,7 +269,7 @@ impl FoundDump {
         }
         Ok(match typed(&bytes) {
             Some(value) => format!("{title}:{}", lines(&value, memory)),
-            None => format!("{title}: no shader tells its type: {} bytes\n{}", bytes.len(), hex(&bytes)),
+            None => format!("{title}: no shader declares its type: {} bytes\n{}", bytes.len(), hex(&bytes)),
         })
     }
 }

@@ -156,7 +156,7 @@ fn print_end(result: &SmokeResult, json: bool) -> Result<()> {
         None => Ok(()),
         Some(class) => {
             let count = result.modules.iter().filter(|module| module.class.is_some()).count();
-            Err(Error::of_class(class, format!("of {} modules, {count} fail", result.modules.len())))
+            Err(Error::of_class(class, format!("{count} of {} modules fail", result.modules.len())))
         }
     }
 }
@@ -179,7 +179,7 @@ fn find(paths: &[PathBuf]) -> Result<Vec<PathBuf>> {
         let names: Vec<String> = paths.iter().map(|path| escape::path(&path).to_string()).collect();
         let message = format!("no modules in {}", names.join(", "));
         return Err(Error::new(ErrorKind::InvalidArgument, message)
-            .note("folders are searched for `.spv`; name the files of sources"));
+            .note("folders are searched for `.spv`; name source files explicitly"));
     }
     Ok(files)
 }

@@ -33,9 +33,9 @@ pub(super) fn verdict(report: &SmokeReport, min_coverage: f64) -> Result<()> {
     let verdicts = [
         (SmokeVerdict::Trap, "trapped"),
         (SmokeVerdict::Unsupported, "not supported"),
-        (SmokeVerdict::Limit, "beyond a limit"),
+        (SmokeVerdict::Limit, "over a limit"),
         (SmokeVerdict::Invalid, "invalid"),
-        (SmokeVerdict::Bug, "met a bug in anyhit"),
+        (SmokeVerdict::Bug, "hit a bug in anyhit"),
     ];
     let counts = verdicts.map(|(verdict, word)| (count(verdict), word));
     let parts: Vec<_> = counts
@@ -63,7 +63,7 @@ fn covered(report: &SmokeReport, percent: f64) -> Result<()> {
     }
     let count = report.entry_points.len();
     let message =
-        format!("of {count} entry points, {} reached less than {percent} % of its blocks", too_few.len());
+        format!("of {count} entry points, {} reached less than {percent} % of their blocks", too_few.len());
     let error = Error::new(ErrorKind::Expectation, message);
     Err(too_few.iter().fold(error, |error, (entry, reached)| {
         let share = format!("{} of {} blocks", reached.blocks_entered, reached.blocks);

@@ -209,12 +209,12 @@
       try {
         text = (await texts)[at];
       } catch {
-        status = "This browser cannot unpack the explanations: the command prints the same.";
+        status = "This browser cannot unpack the explanations; the command prints the same text.";
       }
     } else if (data.explanations) {
-      status = `This page explains ${data.explanations.which}. The command explains this one.`;
+      status = `This page explains ${data.explanations.which}. Run the command to explain this pixel.`;
     } else if (data.command) {
-      status = "The command explains this pixel.";
+      status = "Run the command to explain this pixel.";
     }
     const rows = [];
     for (const layer of data.layers) {
