@@ -2,64 +2,68 @@
 
 rules! {
     RACE_BUFFER "race-buffer" UndefinedBehavior
-        "Of two invocations that access the same bytes, one of which writes, one is ordered behind the other."
+        "Two invocations that access the same bytes, at least one of which writes, are ordered."
         "Vulkan, Memory Model, Data Race"
         "let each invocation write its own element, use atomic instructions, or, within a workgroup, put \
-         memoryBarrierBuffer() and a barrier() that all of it reaches between the two"
+         memoryBarrierBuffer() and a barrier() that the whole workgroup reaches between the two accesses"
     RACE_WORKGROUP "race-workgroup" UndefinedBehavior
-        "Of two invocations that access the same shared variable, one of which writes, one is ordered behind the other."
+        "Two invocations that access the same shared variable, at least one of which writes, are ordered."
         "Vulkan, Memory Model, Data Race"
-        "put a barrier() that the whole workgroup reaches between the two, let each invocation write its own element, \
-         or use atomic instructions"
+        "put a barrier() that the whole workgroup reaches between the two accesses, let each invocation \
+         write its own element, or use atomic instructions"
     RACE_IMAGE "race-image" UndefinedBehavior
-        "Of two invocations that access the same texel, one of which writes, one is ordered behind the other."
+        "Two invocations that access the same texel, at least one of which writes, are ordered."
         "Vulkan, Memory Model, Data Race"
-        "let each invocation write its own texel, use imageAtomic*, or put memoryBarrierImage() and barrier() \
-         between the two, where they are of one workgroup"
+        "let each invocation write its own texel, use imageAtomic*, or, within a workgroup, put \
+         memoryBarrierImage() and barrier() between the two accesses"
     RACE_MIXED_ATOMIC "race-mixed-atomic" UndefinedBehavior
-        "Where one invocation accesses memory atomically, others do so, too, or are ordered with it."
+        "If one invocation accesses memory atomically, others do so too, or are ordered with it."
         "Vulkan, Memory Model, Data Race: only pairs of atomic operations are mutually ordered"
-        "read with atomicOr(x, 0) or atomicLoad, write with atomicExchange or atomicStore, or set the \
-         value up in a dispatch of its own"
+        "read with atomicOr(x, 0) or atomicLoad, write with atomicExchange or atomicStore, or initialize \
+         the value in a separate dispatch"
     RACE_CALLER_CALLEE "race-caller-callee" UndefinedBehavior
-        "Shaders of one ray-tracing call that access the same memory, one of which writes, release and acquire it."
+        "Shaders of one ray-tracing call that access the same memory, at least one of which writes, \
+         release and acquire it."
         "Vulkan, Memory Model, Shader Call Order: only a release and an acquire barrier order a caller and a callee"
         "pass the value in the payload; or declare the memory coherent, and put \
-         memoryBarrier(gl_ScopeShaderCallEXT, ...) behind the write, to release, and before the read, to \
-         acquire; nothing orders the any-hit shaders of one trace: use atomic instructions"
+         memoryBarrier(gl_ScopeShaderCallEXT, ...) after the write (release) and before the read \
+         (acquire); in any-hit shaders of one trace, which nothing orders, use atomic instructions"
     RACE_ATOMIC_WIDTH "race-atomic-width" UndefinedBehavior
         "Atomic instructions on the same memory have the same width, or are ordered."
-        "Vulkan, Memory Model, Atomic Operation: mutually ordered are those that access the same set of locations"
+        "Vulkan, Memory Model, Atomic Operation: only operations on the same set of locations are mutually \
+         ordered"
         "use one width for all atomic instructions on a counter, or put a barrier between the two"
     RACE_ATOMIC_SCOPE "race-atomic-scope" UndefinedBehavior
-        "The scope of an atomic instruction holds all invocations that access the same memory atomically."
-        "Vulkan, Memory Model, Atomic Operation: mutually ordered are those in each other's memory scope"
-        "use gl_ScopeDevice, as atomicAdd(x, 1) does, where invocations of other workgroups or of the launch \
+        "The scope of an atomic instruction includes all invocations that access the same memory atomically."
+        "Vulkan, Memory Model, Atomic Operation: only operations in each other's memory scope are mutually \
+         ordered"
+        "use gl_ScopeDevice, as atomicAdd(x, 1) does, if invocations of other workgroups or of the launch \
          take part"
     RACE_CROSS_REFERENCE "race-cross-reference" UndefinedBehavior
-        "What is written through one descriptor or device address is not accessed through another one in the \
-         same pass."
-        "Vulkan, Memory Model, Location-Ordered: barriers of shaders order accesses through one reference"
+        "Memory that is written through one descriptor or device address is not accessed through another \
+         in the same pass."
+        "Vulkan, Memory Model, Location-Ordered: barriers in shaders order only accesses through one reference"
         "access the memory through one binding, or in another pass"
     RESTRICT_BROKEN "restrict-broken" UndefinedBehavior
         "Memory that is written through one declaration is not accessed through a `restrict` one."
         "SPIR-V 3.20, Restrict; 2.18.2, Aliasing: a compiler assumes that no other declaration reaches it"
         "drop `restrict` from both declarations, and access the memory through one binding"
     ALIAS_DEFAULT "alias-default" UndefinedBehavior
-        "Memory that is written through one binding is not accessed through another one, unless both are Aliased."
+        "Memory that is written through one binding is not accessed through another, unless both are \
+         decorated Aliased."
         "SPIR-V 2.18.2, Aliasing: only declarations that are decorated Aliased may reach the same memory"
-        "access the memory through one binding; or bind buffers or ranges that do not overlap"
+        "access the memory through one binding, or bind buffers or ranges that do not overlap"
     ORDER_ASSUMED "order-assumed" UndefinedBehavior
-        "What one invocation writes and another one accesses is made available, and visible, by the two."
-        "Vulkan, Memory Model, Availability and Visibility: order alone does not make a write seen"
+        "Memory that one invocation writes and another accesses is made available and visible between the \
+         two accesses."
+        "Vulkan, Memory Model, Availability and Visibility: ordering alone does not make a write visible"
         "declare the memory coherent (workgroupcoherent, devicecoherent), or add \
          gl_SemanticsMakeAvailable and gl_SemanticsMakeVisible to the barriers"
     COHERENT_MISSING "coherent-missing" UndefinedBehavior
-        "Memory by which invocations communicate is declared coherent."
-        "Vulkan, Memory Model, Private vs. Non-Private: barriers of shaders do not order private accesses"
-        "declare the buffer or image `coherent` (in Slang and HLSL `globallycoherent`; WGSL for naga \
-         `@coherent var`, as it decorates nothing by itself); where the source says so, the compiler has \
-         lost it on the way"
+        "Memory through which invocations communicate is declared coherent."
+        "Vulkan, Memory Model, Private vs. Non-Private: barriers in shaders do not order private accesses"
+        "declare the buffer or image `coherent` (`globallycoherent` in Slang and HLSL; `@coherent var` in \
+         WGSL for naga, which adds no decoration otherwise); if the source has it, the compiler dropped it"
     RACE_SAME_VALUE "race-same-value" UndefinedBehavior
         "Two invocations do not write to the same bytes, not even the same value."
         "Vulkan, Memory Model, Data Race: \"X and Y be operations that access overlapping sets of memory locations M, \

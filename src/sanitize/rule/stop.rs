@@ -7,37 +7,40 @@ rules! {
         "SPIR-V, OpAccessChain; Vulkan, \"Robust Buffer Access\""
         "clamp the index, or test it against the length"
     BUFFER_BOUNDS "buffer-bounds" UndefinedBehavior
-        "Every byte of an access lies within the range of its descriptor."
+        "Every byte of an access is within the range of its descriptor."
         "Vulkan, \"Out-of-Bounds Memory Access\""
-        "test the index against the length of the array, see whether it counts something else, or bind a larger buffer"
+        "test the index against the length of the array, check that it counts the array's elements, or \
+         bind a larger buffer"
     NULL_POINTER "null-pointer" UndefinedBehavior
         "Nothing is accessed through a null pointer."
         "SPIR-V, OpConstantNull"
         "test the pointer first: `p != nullptr` in Slang, `uvec2(p) != uvec2(0)` in GLSL with GL_EXT_buffer_reference_uvec2"
     ADDRESS_RANGE "address-range" UndefinedBehavior
-        "A device address lies in a buffer, and the access ends before its end."
+        "A device address is in a buffer, and the access ends within the buffer."
         "VUID-RuntimeSpirv-PhysicalStorageBuffer64-11819"
-        "test the index by which the pointer was moved, or compare the address with the buffers of the scene"
+        "test the index from which the pointer was computed, or compare the address with the buffers of \
+         the scene"
     ADDRESS_ALIGNED "address-aligned" UndefinedBehavior
         "A device address is a multiple of the Aligned operand of its access."
         "VUID-RuntimeSpirv-PhysicalStorageBuffer64-06315"
-        "promise less (buffer_reference_align in GLSL), or align the data"
+        "declare a smaller alignment (buffer_reference_align in GLSL), or align the data"
     ATOMIC_ALIGNED "atomic-aligned" UndefinedBehavior
-        "An atomic instruction accesses a multiple of its own size."
+        "The address of an atomic access is a multiple of its size."
         "Vulkan, \"Atomic Operations\""
-        "align what it changes to its size: 4 bytes, 8 of a 64-bit integer"
+        "align the value to its size: 4 bytes, or 8 bytes for a 64-bit integer"
     DESCRIPTOR_MISSING "descriptor-missing" UndefinedBehavior
         "A descriptor that is used is bound, and of the kind that the shader declares."
         "Vulkan, \"Descriptor Sets\""
-        "bind it in the scene, or do not use it where the resource is not there"
+        "bind it in the scene, or do not use it where the resource is missing"
     IMAGE_PART "image-part" UndefinedBehavior
-        "A level whose size is asked for, and a block that is matched, are in the image, as are rows in a share of it."
+        "A level whose size is queried, a block that is matched, and a row that is accessed in a share of \
+         an image are in the image."
         "Vulkan, \"Image Query Instructions\"; VK_QCOM_image_processing, \"Block Matching\""
         "compare the level with textureQueryLevels, and the block with textureSize"
     IMAGE_VIEW_MATCH "image-view-match" UndefinedBehavior
         "An image has the dimension, sample count and component type that the shader declares."
         "Vulkan, \"Instruction/Sampler/Image View Validation\""
-        "declare the image as it is bound"
+        "declare the type of the image that is bound"
     UNREACHABLE "unreachable" UndefinedBehavior
         "OpUnreachable is not executed."
         "SPIR-V, OpUnreachable"
@@ -48,124 +51,125 @@ rules! {
         "look at what the loop's condition depends on, or raise the limit"
     RAY_NAN "ray-nan" UndefinedBehavior
         "No component of a ray or its interval is a NaN."
-        "VUID-RuntimeSpirv-OpTraceRayKHR-06358, and the same of other traces and ray queries"
-        "look for 0 / 0, the root of a negative number, and a direction that is normalized though its length is 0"
+        "VUID-RuntimeSpirv-OpTraceRayKHR-06358, and the same for other traces and ray queries"
+        "look for 0 / 0, the square root of a negative number, and a normalized direction of length 0"
     RAY_INFINITE "ray-infinite" UndefinedBehavior
-        "Origin and direction of a ray are finite."
-        "VUID-RuntimeSpirv-OpTraceRayKHR-06355, and the same of other traces and ray queries"
+        "The origin and direction of a ray are finite."
+        "VUID-RuntimeSpirv-OpTraceRayKHR-06355, and the same for other traces and ray queries"
         "look for a division by 0, and for a point at the distance of a ray that missed"
     RAY_NEGATIVE_T "ray-negative-t" UndefinedBehavior
         "t_min and t_max of a ray are not negative."
-        "VUID-RuntimeSpirv-OpTraceRayKHR-06356, and the same of other traces and ray queries"
-        "clamp it at 0"
+        "VUID-RuntimeSpirv-OpTraceRayKHR-06356, and the same for other traces and ray queries"
+        "clamp them to 0"
     RAY_INTERVAL_INVERTED "ray-interval-inverted" UndefinedBehavior
         "t_min of a ray is at most its t_max."
-        "VUID-RuntimeSpirv-OpTraceRayKHR-06357, and the same of other traces and ray queries"
-        "trace no ray where nothing is left of the interval"
+        "VUID-RuntimeSpirv-OpTraceRayKHR-06357, and the same for other traces and ray queries"
+        "skip the trace if the interval is empty"
     RAY_OPACITY_FLAGS "ray-opacity-flags" UndefinedBehavior
         "At most one of the flags Opaque, NoOpaque, CullOpaque and CullNoOpaque is set."
-        "VUID-RuntimeSpirv-OpTraceRayKHR-06893, and the same of other traces and ray queries"
-        "keep one of them: a flag that was set before must be cleared"
+        "VUID-RuntimeSpirv-OpTraceRayKHR-06893, and the same for other traces and ray queries"
+        "keep one of them, and clear flags that were set before"
     RAY_FACE_FLAGS "ray-face-flags" UndefinedBehavior
-        "At most one of the flags that skip triangles or cull a side of them is set."
-        "VUID-RuntimeSpirv-OpTraceRayKHR-06892, and the same of other traces and ray queries"
-        "keep one of them: a flag that was set before must be cleared"
+        "At most one of the flags SkipTriangles, CullBackFacingTriangles and CullFrontFacingTriangles is set."
+        "VUID-RuntimeSpirv-OpTraceRayKHR-06892, and the same for other traces and ray queries"
+        "keep one of them, and clear flags that were set before"
     RAY_BOTH_SKIPS "ray-both-skips" UndefinedBehavior
         "A ray does not skip both triangles and boxes."
-        "VUID-RuntimeSpirv-OpTraceRayKHR-06552, and the same of other traces and ray queries"
-        "trace no ray where both are skipped: it meets nothing"
+        "VUID-RuntimeSpirv-OpTraceRayKHR-06552, and the same for other traces and ray queries"
+        "skip the trace if both flags are set: the ray hits nothing"
     RAY_SKIP_VS_PIPELINE "ray-skip-vs-pipeline" UndefinedBehavior
-        "A ray does not skip what its pipeline leaves."
-        "VUID-RuntimeSpirv-OpTraceRayKHR-06553, -06554, and the same of hit objects"
-        "drop the flag of the ray or that of the pipeline: together they skip all there is"
+        "A ray does not skip the only kind of primitive that its pipeline keeps."
+        "VUID-RuntimeSpirv-OpTraceRayKHR-06553, -06554, and the same for hit objects"
+        "remove the flag of the ray or of the pipeline: together they skip all primitives"
     RAY_MOTION_TIME "ray-motion-time" UndefinedBehavior
         "The time of a ray is from 0 to 1."
         "VUID-RuntimeSpirv-OpTraceRayMotionNV-06366"
-        "see how the time is made: 0 is the first key of the motion, and 1 the last"
+        "check how the time is computed: 0 is the first key of the motion, and 1 the last"
     RAY_NOT_TLAS "ray-not-tlas" UndefinedBehavior
         "A ray is traced in a top-level acceleration structure that exists."
-        "VUID-RuntimeSpirv-OpTraceRayKHR-06359, and the same of other traces and ray queries"
-        "bind the structure in the scene, or see which element or address is used"
+        "VUID-RuntimeSpirv-OpTraceRayKHR-06359, and the same for other traces and ray queries"
+        "bind the structure in the scene, or check which element or address is used"
     TRACE_RECURSION "trace-recursion" UndefinedBehavior
         "Traces nest no deeper than the pipeline's maxPipelineRayRecursionDepth."
         "VUID-vkCmdTraceRaysKHR-None-03679"
-        "count the depth in the payload, and trace no further at the limit"
+        "count the depth in the payload, and stop tracing at the limit"
     STACK_LIMIT "stack-limit" Limit
         "Shaders that call each other fit on the stack."
-        "a limit of this crate; on a device that of the pipeline's stack size"
-        "count the depth in the callable data, and call no further at a bound"
+        "a limit of anyhit; on a device, the limit is the pipeline's stack size"
+        "count the depth in the callable data, and stop calling at a bound"
     SBT_MISS_CALLABLE "sbt-miss-callable" UndefinedBehavior
         "A miss or callable index is inside its table."
         "Vulkan, \"Shader Binding Table\""
-        "compare the index, which counts from 0, with the records of the table"
+        "compare the index, which starts at 0, with the number of records in the table"
     SBT_HIT_RECORD "sbt-hit-record" UndefinedBehavior
-        "What a ray hits has a record in the hit table."
+        "A primitive that a ray hits has a record in the hit table."
         "Vulkan, \"Hit Shader Binding Table Indexing Rules\""
-        "instance offset + geometry index * stride + offset of the ray must be inside the table"
+        "keep instance offset + geometry index * stride + offset of the ray inside the table"
     RECORD_RANGE "record-range" UndefinedBehavior
-        "A shader reads no more than its record holds."
+        "A shader reads only bytes inside its record."
         "Vulkan, \"Shader Record\""
-        "give the record its data, or a larger stride"
+        "add the data to the record, or increase the stride"
     PAYLOAD_IDENTICAL "payload-identical" UndefinedBehavior
-        "Payloads and callable data of caller and called shader are of one type."
+        "Caller and called shader declare the same type for a payload or callable data."
         "VUID-RuntimeSpirv-OpTraceRayKHR-11855"
-        "declare the same structure in both shaders, best in a file that both include"
+        "declare the same structure in both shaders, ideally in a shared header"
     REPORT_HIT_KIND "report-hit-kind" UndefinedBehavior
         "The hit kind of a report is at most 127."
         "VUID-RuntimeSpirv-OpReportIntersectionKHR-06998"
-        "pass a hit kind of 0 to 127; larger numbers fit into hit attributes"
+        "pass a hit kind from 0 to 127, and larger numbers in hit attributes"
     RQ_UNINITIALIZED "rq-uninitialized" UndefinedBehavior
         "A ray query is initialized before it is used."
         "SPV_KHR_ray_query"
-        "call rayQueryInitializeEXT on every path, or leave out what follows where there is no ray"
+        "call rayQueryInitializeEXT on every path, or skip the uses of the query where there is no ray"
     RQ_PROCEED_COMPLETE "rq-proceed-complete" UndefinedBehavior
-        "A ray query does not proceed after it returned false."
+        "rayQueryProceedEXT is not called again after it has returned false."
         "SPV_KHR_ray_query, OpRayQueryProceedKHR"
         "loop while rayQueryProceedEXT returns true"
     RQ_CANDIDATE_NONE "rq-candidate-none" UndefinedBehavior
-        "The candidate of a ray query is used where the last Proceed returned true."
+        "The candidate of a ray query is used only if the last rayQueryProceedEXT returned true."
         "SPV_KHR_ray_query"
-        "look at candidates inside the loop over rayQueryProceedEXT; behind it the hit is the committed one (true)"
+        "read candidates inside the rayQueryProceedEXT loop; after it, read the committed hit (true)"
     RQ_COMMITTED_NONE "rq-committed-none" UndefinedBehavior
-        "The committed hit of a ray query is read where there is one."
+        "The committed hit of a ray query is read only if there is one."
         "SPV_KHR_ray_query"
         "test rayQueryGetIntersectionTypeEXT(query, true) first"
     RQ_COMMITTED_KIND "rq-committed-kind" UndefinedBehavior
-        "What only a triangle has is asked of a triangle."
-        "SPV_KHR_ray_query: barycentrics and front face, a candidate's t and its confirmation are of triangles"
+        "Properties of triangles are read only from triangles."
+        "SPV_KHR_ray_query: barycentrics, front face, a candidate's t and its confirmation require a triangle"
         "test rayQueryGetIntersectionTypeEXT first"
     RQ_GENERATE_KIND "rq-generate-kind" UndefinedBehavior
-        "What is for boxes alone is asked of a candidate that is a box."
+        "Operations on boxes are used only if the candidate is a box."
         "SPV_KHR_ray_query, OpRayQueryGenerateIntersectionKHR, OpRayQueryGetIntersectionCandidateAABBOpaqueKHR"
         "test rayQueryGetIntersectionTypeEXT(query, false) first"
     RQ_GENERATE_INTERVAL "rq-generate-interval" UndefinedBehavior
-        "A generated hit lies between t_min and the committed hit."
+        "A generated hit is between t_min and the committed hit."
         "VUID-RuntimeSpirv-OpRayQueryGenerateIntersectionKHR-06353"
-        "generate no hit before t_min or behind the committed one, or t_max where there is none"
+        "generate no hit before t_min, or beyond the committed hit (t_max if there is none)"
     RQ_GENERATE_MOTION "rq-generate-motion" UndefinedBehavior
         "No hit is generated in a structure with motion."
         "VUID-RuntimeSpirv-OpRayQueryGenerateIntersectionKHR-06354"
-        "use a structure in which nothing moves, or an intersection shader"
+        "use a structure without motion, or an intersection shader"
     RQ_MICROMAP "rq-micromap" UndefinedBehavior
-        "A shader whose ray queries meet opacity micromaps enables them."
-        "SPV_KHR_opacity_micromap; VUID-vkCmdDispatch-micromap-11636, and of each command that dispatches or traces"
+        "A shader whose ray queries encounter opacity micromaps enables them."
+        "SPV_KHR_opacity_micromap; VUID-vkCmdDispatch-micromap-11636, and the same for each command that \
+         dispatches or traces"
         "set the execution mode OpacityMicromapIdKHR: gl_EnableOpacityMicromapEXT = true in GLSL"
     PRIMITIVE_GETTER "ho-lss-sphere-only" UndefinedBehavior
-        "What only one kind of primitive has is asked of that kind."
+        "Properties of one kind of primitive are read only from that kind."
         "SPV_KHR_ray_tracing_position_fetch, SPV_NV_linear_swept_spheres"
-        "ask for the kind of the hit first: rayQueryIsSphereHitNV, hitObjectIsLSSHitNV, gl_HitKindEXT"
+        "test the kind of the hit first: rayQueryIsSphereHitNV, hitObjectIsLSSHitNV, gl_HitKindEXT"
     BARRIER_DIVERGENT "barrier-divergent" UndefinedBehavior
-        "Every invocation of a workgroup comes to a barrier."
+        "Every invocation of a workgroup reaches a barrier."
         "SPIR-V, OpControlBarrier"
-        "move the barrier out of the branch, and return behind it"
+        "move the barrier out of the branch, and return only after it"
     HO_RECORD_RAY "ho-record-ray" UndefinedBehavior
         "The ray of a recorded hit object obeys the rules for rays."
         "SPV_EXT_shader_invocation_reorder"
         "test the ray and its interval before the hit or miss is recorded"
     HO_RECORD_PRIMITIVE "ho-record-primitive" UndefinedBehavior
-        "A recorded hit names a primitive that its structure has."
+        "A recorded hit refers to a primitive of its acceleration structure."
         "SPV_EXT_shader_invocation_reorder"
-        "compare the indices with the structure: hits of an older one do not fit"
+        "compare the indices with the structure: hits of an older structure may not match"
     HO_UNRECORDED "ho-unrecorded" UndefinedBehavior
         "A hit object is recorded before it is used."
         "SPV_EXT_shader_invocation_reorder"
@@ -175,15 +179,15 @@ rules! {
         "SPV_EXT_shader_invocation_reorder"
         "test hitObjectIsEmptyEXT first"
     HO_NOT_HIT "ho-not-hit" UndefinedBehavior
-        "What only a hit has is asked of a hit object that holds one."
+        "Properties of a hit are read only from a hit object that contains a hit."
         "SPV_EXT_shader_invocation_reorder"
         "test hitObjectIsHitEXT first"
     SBT_NO_NULL "sbt-no-null" UndefinedBehavior
-        "A shader that the pipeline promises is not null."
+        "A shader that the flags of the pipeline require is not null."
         "VUID-vkCmdTraceRaysKHR-flags-03511 to -03514"
-        "give the group the shader, or drop the flag of the pipeline"
+        "add the shader to the group, or remove the flag of the pipeline"
     UNSUPPORTED "unsupported" Gap
-        "This crate runs what the module needs."
-        "a gap of anyhit, not a mistake of yours"
-        "`anyhit inspect` lists what a module needs that is not supported"
+        "anyhit supports what the module requires."
+        "a limitation of anyhit, not an error in the module"
+        "run `anyhit inspect` to list the unsupported features that a module requires"
 }

@@ -2,32 +2,36 @@
 
 rules! {
     RQ_UNDECIDED "rq-undecided" Lint
-        "Candidates of a ray query are confirmed, generated in or read before its committed hit is used."
-        "GLSL_EXT_ray_query, rayQueryConfirmIntersectionEXT: a candidate that is neither confirmed nor generated in is \
-         dropped; only opaque triangles, spheres and swept spheres are committed without it"
-        "confirm or generate hits inside the loop over rayQueryProceedEXT, or make the geometry or the query opaque \
-         (gl_RayFlagsOpaqueEXT)"
+        "Candidates of a ray query are confirmed, generated or read before its committed hit is used."
+        "GLSL_EXT_ray_query, rayQueryConfirmIntersectionEXT: a candidate that is neither confirmed nor \
+         generated is dropped; only opaque triangles, spheres and linear swept spheres are committed \
+         without it"
+        "confirm or generate hits inside the rayQueryProceedEXT loop, or make the geometry or the query \
+         opaque (gl_RayFlagsOpaqueEXT)"
     WORLD_RAY_IN_INTERSECTION "world-ray-in-intersection" Lint
-        "An intersection shader intersects a transformed instance's primitives with the ray in object space."
+        "An intersection shader intersects the primitives of a transformed instance with the object-space ray."
         "Vulkan, \"Built-In Variables\": WorldRayOriginKHR and WorldRayDirectionKHR are in world space; boxes are in the \
          object space of their instance, as ObjectRayOriginKHR and ObjectRayDirectionKHR are"
         "use gl_ObjectRayOriginEXT and gl_ObjectRayDirectionEXT (t is the same in both spaces), or apply gl_WorldToObjectEXT"
     SBT_RECORD_UNREACHED "sbt-record-unreached" Lint
-        "Each record with a shader has an index to which some ray or call of the pipeline's shaders can lead."
-        "Vulkan, \"Shader Binding Table\": hit record = instance offset + geometry index * SBT stride + SBT offset; a \
-         miss or callable record is chosen by its index alone"
-        "correct the SBT offset, stride or index that the shader gives, or the instance's offset; or leave the record out"
+        "Each record with a shader can be selected by some ray or call of the pipeline's shaders."
+        "Vulkan, \"Shader Binding Table\": hit record = instance offset + geometry index * SBT stride + \
+         SBT offset; a miss or callable record is selected by its index alone"
+        "correct the SBT offset, stride or index in the shader, or the instance's offset; or remove the record"
     RAY_LOSES_TIME "ray-loses-time" Lint
-        "A ray that a shader called by a ray with a time traces into moving geometry has a time, too."
+        "A shader that is called for a ray with a time passes a time to the rays that it traces into \
+         moving geometry."
         "SPV_NV_ray_tracing_motion_blur: without a time, a ray sees the structure at time 0"
-        "pass gl_CurrentRayTimeNV on with traceRayMotionNV"
+        "pass gl_CurrentRayTimeNV to traceRayMotionNV"
     RAY_FROM_SURFACE "ray-from-surface" Lint
-        "A ray that begins on a surface that a ray has hit has a t_min above 0, or an origin beside the surface."
-        "Vulkan, \"Ray Intersection Candidate Determination\": every primitive within the interval is a candidate; the \
-         origin, rounded, lies on either side of the surface that it leaves"
+        "A ray that starts on a surface that a ray has hit has a t_min above 0, or an origin offset from \
+         the surface."
+        "Vulkan, \"Ray Intersection Candidate Determination\": every primitive within the interval is a \
+         candidate; the rounded origin may be on either side of the surface that the ray leaves"
         "move the origin along the normal by more than its rounding error, or pass a small t_min"
     PAYLOAD_UNREAD "payload-unread" Lint
-        "What called shaders write to a payload or callable data is read by its caller, or by another called shader."
-        "a value that nobody reads has no effect: often the caller reads another variable, of another location"
-        "read the variable that the trace names, or leave the writes out"
+        "Values that called shaders write to a payload or callable data are read by the caller, or by \
+         another called shader."
+        "an unread value has no effect; often the caller reads another variable, with a different location"
+        "read the variable that the trace passes, or remove the writes"
 }
