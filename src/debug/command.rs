@@ -30,11 +30,11 @@ pub fn invocation(text: &str) -> Result<[u32; 3]> {
 fn index(text: &str, least: usize, invalid: &dyn Fn(String) -> Error) -> Result<[u32; 3]> {
     let parts: Vec<&str> = text.split([',', ' ']).filter(|part| !part.is_empty()).collect();
     if !(least..=3).contains(&parts.len()) {
-        return Err(invalid(format!("it has {} of {least} numbers", parts.len())));
+        return Err(invalid(format!("expected {least} numbers, found {}", parts.len())));
     }
     let mut id = [0; 3];
     for (to, part) in id.iter_mut().zip(parts) {
-        *to = part.parse().map_err(|_| invalid(format!("`{part}` is not a whole number from 0 on")))?;
+        *to = part.parse().map_err(|_| invalid(format!("`{part}` is not a non-negative integer")))?;
     }
     Ok(id)
 }
@@ -68,14 +68,14 @@ pub fn ray(text: &str) -> Result<Option<[[f32; 3]; 2]>> {
     }
     if parts.len() < 6 {
         let missing = NAMES[parts.len()];
-        return Err(invalid(format!("{} of 6 numbers; {missing} is missing", parts.len())));
+        return Err(invalid(format!("expected 6 numbers, found {}; {missing} is missing", parts.len())));
     }
     if parts.len() > 6 {
-        return Err(invalid(format!("{} numbers instead of 6", parts.len())));
+        return Err(invalid(format!("expected 6 numbers, found {}", parts.len())));
     }
     let [ox, oy, oz, dx, dy, dz] = numbers;
     if [dx, dy, dz] == [0.0; 3] {
-        return Err(invalid("the direction is 0, 0, 0: it points nowhere".into()));
+        return Err(invalid("the direction is zero".into()));
     }
     Ok(Some([[ox, oy, oz], [dx, dy, dz]]))
 }
@@ -91,7 +91,7 @@ pub fn flags(text: &str) -> Result<u32> {
             continue;
         }
         bits |= number(part).or_else(|| names::flag(part)).ok_or_else(|| {
-            Error::new(ErrorKind::InvalidArgument, format!("`{part}` is no ray flag"))
+            Error::new(ErrorKind::InvalidArgument, format!("`{part}` is not a ray flag"))
                 .note(format!("the flags are {}, or a number", names::all_flags()))
         })?;
     }

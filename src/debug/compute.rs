@@ -38,8 +38,8 @@ impl Session {
                     }
                     (PassWork::Launch(_), ExplainRequest::Invocation { .. }) => {
                         let message =
-                            format!("pass {} launches a pipeline: it is no dispatch", pass.label(number));
-                        return Err(invalid(message).note("`--pixel X,Y` looks at an invocation of a launch"));
+                            format!("pass {} is a launch, not a dispatch", pass.label(number));
+                        return Err(invalid(message).note("`--pixel X,Y` selects an invocation of a launch"));
                     }
                     _ => None,
                 }
@@ -55,10 +55,10 @@ impl Session {
     pub(super) fn dispatch(&self, number: usize) -> Result<&Dispatch> {
         let count = self.assembled.dispatches.len();
         self.assembled.dispatches.get(number).ok_or_else(|| match count {
-            0 => invalid("the scene dispatches no compute shader, so there is no invocation to look at")
-                .note("give a pixel of its launch: --pixel 0,0"),
+            0 => invalid("the scene dispatches no compute shader, so it has no invocations")
+                .note("help: select a pixel of its launch: --pixel 0,0"),
             _ => invalid(format!("the scene has no dispatch {number}"))
-                .note(format!("they are counted from 0 to {}", count - 1)),
+                .note(format!("dispatches are numbered from 0 to {}", count - 1)),
         })
     }
 

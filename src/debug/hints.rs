@@ -93,8 +93,8 @@ fn self_intersection(placed: &PlacedRay<'_>) -> Option<String> {
     let from = placed.from.iter().find(|from| is_start(placed.ray, **from, hit, length))?;
     let before = from.hit()?;
     Some(format!(
-        "it hits the primitive that it starts on ({}) again, at t {}, where the ray before hit it at t {}; \
-         a larger tMin or an origin moved along the normal avoids that",
+        "it hits its starting primitive ({}) again, at t {}, where the previous ray hit it at t {}; \
+         a larger tMin, or an origin offset along the normal, avoids this",
         primitive(hit),
         hit.t,
         before.t
@@ -123,21 +123,21 @@ fn starts_on_surface(placed: &PlacedRay<'_>) -> Option<String> {
     };
     let from = placed.from.iter().find(is_at)?.hit()?;
     Some(format!(
-        "it begins at the point where the ray before hit {}, with tMin 0: by rounding it may hit the \
-         surface that it leaves",
+        "it starts at the hit point of the previous ray on {}, with tMin 0: because of rounding, it may \
+         hit the same surface again",
         primitive(from)
     ))
 }
 
 fn empty_structure(placed: &PlacedRay<'_>) -> Option<String> {
-    placed.ray.traversal().instances.is_empty().then(|| "the structure has no instance".to_owned())
+    placed.ray.traversal().instances.is_empty().then(|| "the acceleration structure has no instances".to_owned())
 }
 
 fn empty_cull_mask(placed: &PlacedRay<'_>) -> Option<String> {
     let traversal = placed.ray.traversal();
     let is_empty = traversal.cull_mask & 0xFF == 0 && !traversal.instances.is_empty();
     is_empty.then(|| {
-        format!("the low 8 bits of its cull mask {:#x} are 0: it hits no instance", traversal.cull_mask)
+        format!("the low 8 bits of its cull mask {:#x} are 0, so it hits no instance", traversal.cull_mask)
     })
 }
 
@@ -148,7 +148,7 @@ fn all_masked(placed: &PlacedRay<'_>) -> Option<String> {
     applies.then(|| {
         let all = instances.iter().fold(0, |all, one| all | one.mask);
         format!(
-            "its cull mask {:#04x} shares no bit with the mask of any instance; their bits together are {all:#04x}",
+            "its cull mask {:#04x} shares no bit with any instance mask; the masks combined are {all:#04x}",
             cull_mask & 0xFF
         )
     })
@@ -171,7 +171,7 @@ fn only_outside_interval(placed: &PlacedRay<'_>) -> Option<String> {
     let off = |t: &FloatValue| (t_min.as_f64() - t.as_f64()).max(t.as_f64() - t_max.as_f64());
     let nearest = met.iter().map(|(_, t)| t).min_by(|a, b| off(a).total_cmp(&off(b)))?;
     Some(format!(
-        "all that it meets lies outside its interval, t {t_min} to {t_max}: the nearest at t {nearest}"
+        "every intersection is outside its interval, t {t_min} to {t_max}; the nearest is at t {nearest}"
     ))
 }
 
@@ -186,7 +186,7 @@ fn all_culled(placed: &PlacedRay<'_>) -> Option<String> {
         let flags = &placed.ray.traversal().flags;
         let (names, count) = (flags.names.join(" | "), met.len());
         let plural = if count == 1 { "primitive" } else { "primitives" };
-        format!("its flags ({names}) cull all that it meets: {count} {plural}")
+        format!("its flags ({names}) cull everything that it intersects: {count} {plural}")
     })
 }
 
@@ -200,7 +200,7 @@ fn all_ignored(placed: &PlacedRay<'_>) -> Option<String> {
     applies.then(|| {
         let count = trace.decisions.len();
         let plural = if count == 1 { "candidate" } else { "candidates" };
-        format!("it misses as any-hit ignored its {count} {plural}")
+        format!("it misses because any-hit shaders ignored its {count} {plural}")
     })
 }
 
@@ -220,7 +220,7 @@ fn no_record(placed: &PlacedRay<'_>) -> Option<String> {
         "is a null handle".to_owned()
     };
     let ran = if hit.is_some() { "closest-hit" } else { "miss" };
-    Some(format!("{table} record {index}{sum} {what}, so that no {ran} shader runs"))
+    Some(format!("{table} record {index}{sum} {what}, so no {ran} shader runs"))
 }
 
 fn direction_length(placed: &PlacedRay<'_>) -> Option<String> {
@@ -231,8 +231,8 @@ fn direction_length(placed: &PlacedRay<'_>) -> Option<String> {
         let name = builtin.source_name.unwrap_or(builtin.name);
         let distance = FloatValue::F32((hit.t.as_f64() * length.as_f64()) as f32);
         format!(
-            "its shader reads {name}, which counts in lengths of the direction: t {} is about {distance} in \
-             distance, as the direction's length is {length}",
+            "its shader reads {name}, which is in units of the direction's length: t {} is a distance of \
+             about {distance}, as that length is {length}",
             hit.t
         )
     })

@@ -217,7 +217,7 @@ impl<'a> EventReader<'a> {
                     });
                     trace.no_shader = match shader {
                         Some(_) => None,
-                        None if to_hit_object => Some("the hit object keeps it to be executed later".into()),
+                        None if to_hit_object => Some("the hit object stores it for later execution".into()),
                         None => Some(self.no_shader(&trace)),
                     };
                     ran = shader;

@@ -164,7 +164,7 @@ impl<'a> Writer<'a> {
                 } else {
                     self.page.styled(
                         TextStyle::Dim,
-                        "not accepted: outside the interval, behind a known hit, or ignored by any-hit",
+                        "not accepted: outside the interval, behind a closer hit, or ignored by any-hit",
                     )
                 };
                 self.page.line(format_args!("reported t {t}, hit kind {hit_kind:#x}: {answer}"));

@@ -198,10 +198,10 @@ impl Session {
                 return Ok((None, ResolvedRequest { pass, what: SingleRun::Ray(check(ray)?) }));
             }
             ExplainRequest::Named(name) => self.named(name)?,
-            ExplainRequest::InPass(..) => return Err(invalid("a request is in one pass")),
+            ExplainRequest::InPass(..) => return Err(invalid("a request can name only one pass")),
             ExplainRequest::Invocation { .. } => {
                 let message =
-                    "rounding is examined of rays and launch indices, not of an invocation of a dispatch";
+                    "rounding can be examined for rays and launch indices, not for an invocation of a dispatch";
                 return Err(invalid(message)
                     .note("`anyhit run` with --shadow or --perturb examines whole dispatches"));
             }
@@ -247,11 +247,11 @@ impl Session {
     fn pixel(&self, pass: Option<&String>, id: [u32; 3]) -> Result<ResolvedRequest> {
         let single = self.assembled.single_launch(pass.map(String::as_str))?;
         if single.pipeline.sbt.ray_generation.is_none() {
-            let message = "the scene has no ray generation shader, so there is no pixel to look at";
-            let error = invalid(message).note("give a ray by its numbers: --ray \"0,0,5 0,0,-1\"");
+            let message = "the scene has no ray generation shader, so it has no pixels";
+            let error = invalid(message).note("help: specify a ray by its numbers: --ray \"0,0,5 0,0,-1\"");
             return Err(match self.scene.dispatches.is_empty() {
                 true => error,
-                false => error.note("or an invocation of its dispatch: --invocation 0,0,0"),
+                false => error.note("help: or select an invocation of its dispatch: --invocation 0,0,0"),
             });
         }
         let size = single.size;
@@ -272,7 +272,7 @@ impl Session {
             size[1],
             size[2]
         ))
-        .note(format!("pixels go from 0,0 to {last}")))
+        .note(format!("pixels range from 0,0 to {last}")))
     }
 }
 
@@ -322,17 +322,17 @@ pub(crate) fn check(ray: &GivenRay) -> Result<GivenRay> {
     finite("origin", &ray.origin)?;
     finite("direction", &ray.direction)?;
     if ray.direction == [0.0; 3] {
-        return Err(invalid("the ray's direction is 0, 0, 0: it points nowhere"));
+        return Err(invalid("the ray's direction is zero"));
     }
     if !(ray.t_min >= 0.0 && ray.t_min <= ray.t_max) {
         let message = format!(
-            "the interval {} to {} must begin at 0 or later and not end before",
+            "the interval {} to {} must start at 0 or later and must not end before its start",
             ray.t_min, ray.t_max
         );
         return Err(invalid(message).note("VUID-RuntimeSpirv-OpTraceRayKHR-06356 and 06357"));
     }
     if !(0.0..=1.0).contains(&ray.time) {
-        let message = format!("the ray's time is {}: it is from 0 to 1", ray.time);
+        let message = format!("the ray's time is {}: it must be from 0 to 1", ray.time);
         return Err(invalid(message).note("VUID-RuntimeSpirv-OpTraceRayMotionNV-06366"));
     }
     RayFlags(ray.flags).check_known().map_err(|message| {

@@ -62,7 +62,7 @@ fn wrote(transcript: &Transcript) -> String {
     let changed: Vec<&MemoryChange> =
         transcript.writes.iter().filter(|write| write.before != write.after).collect();
     let more = (changed.len() + transcript.writes_left_out).saturating_sub(1) as u64;
-    let Some(first) = changed.first() else { return "nothing that changed".to_owned() };
+    let Some(first) = changed.first() else { return "no changed value".to_owned() };
     let at = match (first.at, &first.member) {
         (ChangeLocation::Texel([x, y, 0]), _) => format!("{} texel ({x}, {y})", first.resource),
         (ChangeLocation::Texel([x, y, z]), _) => format!("{} texel ({x}, {y}, {z})", first.resource),

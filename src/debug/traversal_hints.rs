@@ -15,8 +15,7 @@ pub(super) fn undecided_candidates(placed: &PlacedRay<'_>) -> Option<String> {
         let count = candidates.len();
         let plural = if count == 1 { "candidate" } else { "candidates" };
         format!(
-            "it comes to {count} {plural}, of which its shader confirms none and generates no hit in one, so that \
-             it misses"
+            "it finds {count} {plural}, but its shader confirms none and generates no hit, so it misses"
         )
     })
 }
@@ -36,8 +35,8 @@ pub(super) fn world_ray(placed: &PlacedRay<'_>) -> Option<String> {
         let mut wrong = pairs.into_iter().filter(|(world, object)| reads(world) && !reads(object));
         let (world, object) = wrong.next().filter(|_| is_transformed && !knows_object_space)?;
         Some(format!(
-            "the intersection shader of instance {}, which is transformed, reads {world}; the boxes of an instance \
-             are in object space, as {object} is",
+            "the intersection shader of instance {}, which is transformed, reads {world}; the AABBs of an instance \
+             are in object space, like {object}",
             decision.instance
         ))
     })
@@ -50,6 +49,6 @@ pub(super) fn time_lost(placed: &PlacedRay<'_>) -> Option<String> {
     let moves = traversal.instances.iter().any(|instance| instance.moves);
     let before = placed.from.first()?.traversal().time.filter(|time| time.as_f64() != 0.0)?;
     (is_at_zero && moves).then(|| {
-        format!("it sees the moving geometry at time 0, where the ray before it has the time {before}")
+        format!("it intersects moving geometry at time 0, but the previous ray has time {before}")
     })
 }

@@ -232,7 +232,7 @@ impl Adapter {
             ..ShownBreakpoint::default()
         };
         let Some(requested) = self.breakpoints.all.iter().find(|requested| requested.id == id) else {
-            return unverified("there is no such breakpoint".into());
+            return unverified("the breakpoint does not exist".into());
         };
         if let Err(why) = from_hit(requested.spec.hit_condition.as_deref()) {
             return unverified(why);
@@ -290,7 +290,7 @@ fn place(requested: &RequestedBreakpoint, sources: &Sources) -> Result<Breakpoin
             },
             // Several files may end so.
             (None, Group::Path(path)) => BreakpointPlace::Line { file: path.clone(), line: *line },
-            (None, _) => return Err("there is no source with this reference".into()),
+            (None, _) => return Err("no source has this reference".into()),
         },
         Wanted::Function(name) => match name.starts_with("Op") {
             true => BreakpointPlace::Opcode(name.clone()),
@@ -298,7 +298,7 @@ fn place(requested: &RequestedBreakpoint, sources: &Sources) -> Result<Breakpoin
         },
         Wanted::Instruction { address, bytes } => {
             let (shader, offset) = shader_and_offset(address, *bytes).map_err(|refusal| refusal.message)?;
-            let shader = u32::try_from(shader).map_err(|_| format!("there is no shader {shader}"))?;
+            let shader = u32::try_from(shader).map_err(|_| format!("shader {shader} does not exist"))?;
             BreakpointPlace::Instruction { shader, offset }
         }
     })
@@ -307,8 +307,8 @@ fn place(requested: &RequestedBreakpoint, sources: &Sources) -> Result<Breakpoin
 /// Why a breakpoint stops nowhere.
 fn nowhere(requested: &RequestedBreakpoint, sources: &Sources) -> String {
     match (&requested.spec.wanted, requested.group.file(sources)) {
-        (Wanted::Line(_), None) => "no shader of this scene tells of code in this file".into(),
-        (Wanted::Line(_), Some(_)) => "no code is at this line or behind it".into(),
+        (Wanted::Line(_), None) => "no shader of this scene has code from this file".into(),
+        (Wanted::Line(_), Some(_)) => "the file has no code at or after this line".into(),
         (Wanted::Function(name), _) => format!("no shader of this scene has a function `{name}`"),
         (Wanted::Instruction { address, .. }, _) => format!("no instruction is at {address}"),
     }
@@ -326,7 +326,7 @@ pub(super) fn from_hit(condition: Option<&str>) -> Result<u64, String> {
     let number: Result<u64, _> = number.trim().parse();
     number
         .map(|number| number.saturating_add(more))
-        .map_err(|_| format!("`{text}` is no count of hits: it is a number N, or `>= N`, or `> N`"))
+        .map_err(|_| format!("`{text}` is not a hit count: expected N, `>= N` or `> N`"))
 }
 
 #[cfg(test)]

@@ -155,7 +155,7 @@ impl Launched {
     fn look_at(&mut self, frame: Option<i64>) -> Result<(), String> {
         let frame = self.frame(frame)?;
         let at = self.console.debugger.stack().iter().position(|one| *one == frame);
-        self.console.look_at(at.ok_or("commands are about the invocation that is followed")?);
+        self.console.look_at(at.ok_or("commands apply only to the followed invocation")?);
         Ok(())
     }
 

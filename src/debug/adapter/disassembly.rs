@@ -54,7 +54,7 @@ pub(super) fn shader_and_offset(reference: &str, bytes: i64) -> Result<(usize, u
         let shader = (address >> 32).checked_sub(1)?;
         Some((usize::try_from(shader).ok()?, address as u32 / 4))
     });
-    parts.ok_or_else(|| Refusal::new(format!("`{reference}` is no address of an instruction")))
+    parts.ok_or_else(|| Refusal::new(format!("`{reference}` is not the address of an instruction")))
 }
 
 impl Adapter {
@@ -64,7 +64,7 @@ impl Adapter {
         let client = self.client;
         let launched = self.launched()?;
         let Some(sites) = launched.console.debugger.sources().shaders().get(shader) else {
-            return Err(Refusal::new(format!("there is no shader {shader}")));
+            return Err(Refusal::new(format!("shader {shader} does not exist")));
         };
         let module = &sites.program.module;
         let offsets = instruction_offsets(module);
@@ -82,7 +82,7 @@ impl Adapter {
                 let address = ((shader as i64 + 1) << 32).wrapping_add(outside.wrapping_mul(4));
                 return DisassembledInstruction {
                     address: format!("{address:#018x}"),
-                    instruction: "(outside of the module)".into(),
+                    instruction: "(outside the module)".into(),
                     ..DisassembledInstruction::default()
                 };
             };

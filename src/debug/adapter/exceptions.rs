@@ -46,18 +46,18 @@ impl ExceptionFilters {
             default: Some(filter == TRAP),
             ..ExceptionBreakpointsFilter::default()
         };
-        let condition = "rules to stop at (`int-div-zero nan-output`), or `warn` for warnings, too";
+        let condition = "rules to stop at (`int-div-zero nan-output`), or `warn` to include warnings";
         vec![
             filter(TRAP, "Traps", "Stops before the step of a shader that traps"),
-            filter(NAN, "NaNs", "Stops where an operation makes a NaN of numbers"),
+            filter(NAN, "NaNs", "Stops at an operation that produces a NaN from non-NaN operands"),
             ExceptionBreakpointsFilter {
                 supports_condition: Some(true),
                 condition_description: Some(condition.to_owned()),
                 ..filter(
                     SANITIZER,
                     "Sanitizer",
-                    "Stops before an instruction that breaks a rule of Vulkan or SPIR-V which drivers do \
-                     not tell, or that depends on an undefined value",
+                    "Stops before an instruction that breaks a rule of Vulkan or SPIR-V, or depends on an \
+                     undefined value",
                 )
             },
         ]
@@ -70,8 +70,8 @@ impl ExceptionFilters {
             (TRAP, None) => self.traps = true,
             (NAN, None) => self.nans = true,
             (SANITIZER, condition) => self.findings = Some(findings_of(condition.unwrap_or_default())?),
-            (TRAP | NAN, Some(_)) => return Err(format!("the filter `{filter}` has no condition")),
-            _ => return Err(format!("there is no filter `{filter}`")),
+            (TRAP | NAN, Some(_)) => return Err(format!("the filter `{filter}` accepts no condition")),
+            _ => return Err(format!("unknown filter `{filter}`")),
         }
         Ok(())
     }
@@ -123,9 +123,9 @@ impl Exception {
 
     /// The step before has made a NaN.
     pub(super) fn nan() -> Self {
-        let message = "an operation has made a NaN of numbers";
+        let message = "an operation produced a NaN from non-NaN operands";
         Self {
-            description: "Paused behind a NaN".into(),
+            description: "Paused after a NaN".into(),
             text: message.to_owned(),
             info: json!({
                 "exceptionId": NAN,
@@ -173,7 +173,7 @@ fn finding_text(finding: &Finding) -> String {
         _ => "th",
     };
     let count = finding.count;
-    format!("{message} (for the {count}{nth} time; the values are those of the first)")
+    format!("{message} ({count}{nth} occurrence; the values are those of the first)")
 }
 
 /// All that is known of a finding.

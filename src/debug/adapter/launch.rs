@@ -21,7 +21,7 @@ impl Adapter {
         let is_new = matches!(self.state, State::Idle);
         let answer = match is_new {
             true => request.arguments().and_then(|arguments| self.load(arguments)),
-            false => Err(Refusal::new("a launch has been before; `restart` begins anew")),
+            false => Err(Refusal::new("the session has already launched; use `restart` to start again")),
         };
         let is_loaded = answer.is_ok();
         self.outbox.respond(request.seq, &request.command, answer);
@@ -98,7 +98,7 @@ impl Adapter {
     pub(super) fn configuration_done(&mut self) -> Answer {
         match self.state {
             State::Configuring => Ok(Value::Null),
-            _ => Err(Refusal::new("nothing has been launched that waits for its configuration")),
+            _ => Err(Refusal::new("no launch is waiting for its configuration")),
         }
     }
 
@@ -108,7 +108,7 @@ impl Adapter {
         self.outbox.event("thread", json!({ "reason": "started", "threadId": THREAD }));
         self.apply_breakpoints();
         if let Err(why) = self.apply_findings() {
-            let output = format!("the sanitizer does not look at this run: {why}\n");
+            let output = format!("the sanitizer does not check this run: {why}\n");
             self.outbox.event("output", json!({ "category": "important", "output": output }));
         }
         self.state = State::Running(if stops { Motion::Begin } else { Motion::Resume });

@@ -80,7 +80,7 @@ impl LaunchArguments {
             let found = Precision::ALL.into_iter().find(|one| one.name() == name);
             found.ok_or_else(|| {
                 let known = Precision::ALL.map(Precision::name).join(", ");
-                wrong(format!("`{name}` is no precision")).note(format!("it is one of {known}"))
+                wrong(format!("`{name}` is not a precision")).note(format!("the precisions are {known}"))
             })
         };
         Ok(LoadOptions {
@@ -98,7 +98,7 @@ impl LaunchArguments {
     pub(super) fn request(&self) -> Result<(ExplainRequest, String)> {
         let given = [self.pixel.is_some(), self.ray.is_some(), self.invocation.is_some()];
         if given.iter().filter(|given| **given).count() > 1 {
-            return Err(wrong("only one of `pixel`, `ray` and `invocation` can be debugged"));
+            return Err(wrong("`pixel`, `ray` and `invocation` exclude each other"));
         }
         let (request, name) = if let Some(pixel) = &self.pixel {
             let id = index("pixel", pixel, 2)?;
@@ -133,7 +133,7 @@ fn wrong(message: impl Into<String>) -> Error {
 /// From `least` to three numbers; those that are missing are 0.
 fn index(key: &str, numbers: &[u32], least: usize) -> Result<[u32; 3]> {
     if !(least..=3).contains(&numbers.len()) {
-        return Err(wrong(format!("`{key}` has {} numbers, not {least} to 3", numbers.len())));
+        return Err(wrong(format!("`{key}` has {} numbers: expected {least} to 3", numbers.len())));
     }
     let mut id = [0; 3];
     id[..numbers.len()].copy_from_slice(numbers);

@@ -15,7 +15,7 @@ impl Adapter {
         let launched = self.stopped()?;
         let reference = &arguments.memory_reference;
         let Some((buffer, base)) = launched.stopped.memory(reference) else {
-            return Err(Refusal::new(format!("`{reference}` is no reference to memory")));
+            return Err(Refusal::new(format!("`{reference}` is not a memory reference")));
         };
         let offset = arguments.offset.unwrap_or(0);
         let wanted = arguments.count.clamp(0, MOST_BYTES);

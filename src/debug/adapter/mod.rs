@@ -51,18 +51,18 @@ const THREAD: i64 = 1;
 /// Requests of the protocol that make no sense here, and what does instead. Clients ask for those
 /// behind the first only where a capability says so.
 const REFUSED: &[(&str, &str)] = &[
-    ("attach", "there is nothing to attach to: `launch` a scene with a pixel, a ray or an invocation"),
+    ("attach", "attaching is not supported: `launch` a scene with a pixel, a ray or an invocation"),
     ("goto", GOTO),
     ("gotoTargets", GOTO),
-    ("restartFrame", "a call is begun anew by going back to it: `stepBack`, or `rfinish` in the console"),
-    ("stepInTargets", "`stepIn` enters the first call of a line; a breakpoint stops in another one"),
+    ("restartFrame", "a frame cannot be restarted: go back to its call with `stepBack`, or `rfinish` in the console"),
+    ("stepInTargets", "`stepIn` enters the first call of a line; set a breakpoint to stop in another one"),
     ("terminateThreads", "lanes of a subgroup run together: `terminate` ends all"),
-    ("writeMemory", "memory is set by the names of what lies there: `setVariable`, `setExpression`"),
+    ("writeMemory", "memory is written by variable name: use `setVariable` or `setExpression`"),
 ];
 
 /// Why nothing can be jumped to.
-const GOTO: &str = "an instruction that is jumped to would find no values of those before it: \
-                    `reverseContinue` goes back to any step, and `setVariable` changes what comes";
+const GOTO: &str = "a jump would skip instructions whose results are needed later: \
+                    use `reverseContinue` to go back to a step, and `setVariable` to change a value";
 
 /// Where an adapter finds files.
 pub trait Host {
@@ -345,8 +345,8 @@ impl Adapter {
     fn stopped(&mut self) -> Result<&mut Launched, Refusal> {
         match (&mut self.launched, self.state) {
             (Some(launched), State::Stopped) => Ok(launched),
-            (Some(_), State::Running(_)) => Err(Refusal::new("the invocation runs")),
-            (Some(_), State::Configuring) => Err(Refusal::new("the invocation has not begun")),
+            (Some(_), State::Running(_)) => Err(Refusal::new("the invocation is running")),
+            (Some(_), State::Configuring) => Err(Refusal::new("the invocation has not started")),
             (Some(_), State::Terminated) => Err(Refusal::new("the invocation has ended")),
             (_, State::Idle | State::Stopped) | (None, _) => Err(Refusal::new("nothing has been launched")),
         }

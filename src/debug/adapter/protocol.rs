@@ -75,7 +75,7 @@ impl Request {
         match message.get("type").and_then(Value::as_str) {
             Some("request") => {}
             Some(other) => {
-                return Err((seq, Refusal::new(format!("a message of type `{other}` is no request"))));
+                return Err((seq, Refusal::new(format!("a message of type `{other}` is not a request"))));
             }
             None => return Err((seq, Refusal::new("the message has no `type`"))),
         }
@@ -96,7 +96,7 @@ impl Request {
             Value::Null => Value::Object(Map::new()),
             arguments => arguments,
         };
-        let wrong = |error| Refusal::new(format!("the arguments of `{}` are wrong: {error}", self.command));
+        let wrong = |error| Refusal::new(format!("the arguments of `{}` are invalid: {error}", self.command));
         serde_json::from_value(arguments).map_err(wrong)
     }
 }

@@ -108,7 +108,7 @@ impl Adapter {
             }
             StopReason::Beginning => {
                 self.leave_nowhere();
-                let description = "Paused at the beginning";
+                let description = "Paused at the start";
                 self.stopped_because(json!({ "reason": "entry", "description": description }));
             }
             StopReason::Breakpoints(ids) => {

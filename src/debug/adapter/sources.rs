@@ -222,7 +222,7 @@ impl Adapter {
         let file = sources.by_reference(reference);
         let text = file.and_then(|file| sources.text(file));
         let Some(content) = text else {
-            return Err(Refusal::new(format!("there is no source with the reference {reference}")));
+            return Err(Refusal::new(format!("no source has the reference {reference}")));
         };
         body(SourceResponse { content, mime_type: None })
     }

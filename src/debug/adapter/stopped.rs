@@ -92,8 +92,8 @@ impl StoppedState {
         let at = number.checked_sub(self.first_row + 1).and_then(|at| usize::try_from(at).ok());
         match at.and_then(|at| self.rows.get(at)) {
             Some(StackRow::Function(frame)) => Ok(frame),
-            Some(StackRow::Call(_)) => Err("a call has no variables of its own".into()),
-            None => Err(format!("there is no stack frame {number} now")),
+            Some(StackRow::Call(_)) => Err("a call has no variables".into()),
+            None => Err(format!("stack frame {number} does not exist")),
         }
     }
 
@@ -103,7 +103,7 @@ impl StoppedState {
             StackRow::Function(frame) => Some(&**frame),
             StackRow::Call(_) => None,
         });
-        frame.ok_or_else(|| "no function is stopped".into())
+        frame.ok_or_else(|| "no function has stopped".into())
     }
 
     /// A number for something that has parts.
@@ -116,7 +116,7 @@ impl StoppedState {
     pub(super) fn handle(&self, number: i64) -> Result<&Handle, String> {
         let at = number.checked_sub(self.first_handle + 1).and_then(|at| usize::try_from(at).ok());
         let found = at.and_then(|at| self.handles.get(at));
-        found.ok_or_else(|| format!("there is no variablesReference {number} now"))
+        found.ok_or_else(|| format!("variablesReference {number} does not exist"))
     }
 
     /// A reference to memory, from a byte on.

@@ -36,8 +36,8 @@ impl Adapter {
         match launched.map(|launched| launched.lane_of(thread)).transpose()?.flatten() {
             None => Ok(()),
             Some(lane) => Err(Refusal::shown(format!(
-                "lane {lane} runs together with the invocation that is followed, thread {THREAD}: step that \
-                 one, or launch this one"
+                "lane {lane} runs in lockstep with the followed invocation, thread {THREAD}: step that \
+                 thread, or launch this invocation"
             ))),
         }
     }
@@ -52,14 +52,14 @@ impl Launched {
         let lanes = self.console.debugger.lanes();
         let mut others = lanes.iter().filter(|lane| !lane.is_followed).map(|lane| lane.lane);
         let found = others.find(|&lane| FIRST_LANE + lane as i64 == thread);
-        found.map(Some).ok_or_else(|| Refusal::new(format!("there is no thread {thread} now")))
+        found.map(Some).ok_or_else(|| Refusal::new(format!("thread {thread} does not exist")))
     }
 
     /// A lane in words, with what it does.
     fn lane_name(&self, lane: &DebuggedLane) -> String {
         let activity = match lane.activity {
             LaneActivity::Active => "active",
-            LaneActivity::Diverged => "inactive: waits where the lanes meet again",
+            LaneActivity::Diverged => "inactive: waits for reconvergence",
             LaneActivity::Waiting => "inactive: waits for a shader that runs for other lanes",
             LaneActivity::Ended => "ended",
         };

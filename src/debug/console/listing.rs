@@ -58,7 +58,7 @@ impl Listing {
     ) -> Result<String, String> {
         let file = &sources.files()[position.file as usize];
         let source = file.text.as_deref().ok_or_else(|| {
-            format!("the module does not hold the text of `{}`: compile it with -gVS, or -g", file.name)
+            format!("the module does not contain the text of `{}`: compile it with -gVS, or -g", file.name)
         })?;
         let mut text = String::new();
         let first = position.line.saturating_sub(AROUND).max(1);

@@ -145,7 +145,7 @@ impl Console {
             Action::Goto => {
                 let time = rest
                     .parse()
-                    .map_err(|_| format!("`{rest}` is no step number; `where` tells the one here"))?;
+                    .map_err(|_| format!("`{rest}` is not a step number; `where` prints the current one"))?;
                 self.debugger.seek(time);
                 let is_there = self.debugger.time() == time;
                 Ok(self.stopped(if is_there { &StopReason::Step } else { &StopReason::End }))
@@ -217,10 +217,10 @@ impl Console {
     ) -> Result<String, String> {
         let text = match self.debugger.back_to_last_write(frame, place)? {
             LastWrite::Step(write) => {
-                format!("the step that is next writes {name} = {}\n", place.value_of(&write.after))
+                format!("the next step writes {name} = {}\n", place.value_of(&write.after))
             }
             LastWrite::SetByHand => format!("{name} was set by you at step {}\n", self.debugger.time()),
-            LastWrite::Nobody => format!("nothing has written {name} before\n"),
+            LastWrite::Nobody => format!("no earlier step writes {name}\n"),
         };
         Ok(text + &self.stopped(&StopReason::Step))
     }
@@ -247,7 +247,7 @@ impl Console {
     ) -> Result<String, String> {
         let count: u64 = match count {
             "" => 1,
-            text => text.parse().map_err(|_| format!("`{text}` is no number of times"))?,
+            text => text.parse().map_err(|_| format!("`{text}` is not a count"))?,
         };
         let mut stop = StopReason::Step;
         for _ in 0..count {
@@ -285,7 +285,7 @@ impl Console {
     fn selected(&self) -> Result<StackFrame, String> {
         let frame = self.debugger.stack().into_iter().nth(self.frame);
         frame.ok_or_else(|| {
-            "everything has run: nothing is stopped (`rnext` goes back, `begin` to the begin)".into()
+            "the run has ended (`rnext` steps back, `begin` returns to the first line)".into()
         })
     }
 
@@ -339,7 +339,7 @@ impl Console {
                 let watch = self.debugger.watches().get(write.watch).and_then(|watch| watch.breakpoint);
                 let known = watch.and_then(|id| self.watched.iter().find(|(number, ..)| *number == id.0));
                 let Some((number, name, place)) = known else {
-                    return "what is watched was written\n".into();
+                    return "the watched value was written\n".into();
                 };
                 let [before, after] = [&write.before, &write.after].map(|words| place.value_of(words));
                 match before == after {
@@ -347,14 +347,14 @@ impl Console {
                     false => format!("breakpoint {number}: {name} was written: {before} -> {after}\n"),
                 }
             }
-            StopReason::Nan => "the step before made the first NaN\n".into(),
+            StopReason::Nan => "the previous step produced the first NaN\n".into(),
             StopReason::Findings(findings) => findings.iter().fold(String::new(), |text, finding| {
                 format!("{text}{}: {}\n", finding.rule.id, finding.error.message())
             }),
             StopReason::Trap(error) => format!("trapped: {}\n", error.message()),
             StopReason::Interrupted => "interrupted\n".into(),
-            StopReason::Beginning => "the start of history: nothing is before this\n".into(),
-            StopReason::End => "the end: everything has run\n".into(),
+            StopReason::Beginning => "the start of the run\n".into(),
+            StopReason::End => "the end of the run\n".into(),
         }
     }
 
@@ -374,10 +374,10 @@ impl Console {
 
     fn select(&mut self, rest: &str) -> Result<String, String> {
         if !rest.is_empty() {
-            let number: usize = rest.parse().map_err(|_| format!("`{rest}` is no frame's number"))?;
+            let number: usize = rest.parse().map_err(|_| format!("`{rest}` is not a frame number"))?;
             let count = self.debugger.stack().len();
             if number >= count {
-                return Err(format!("there are {count} frames, counted from 0"));
+                return Err(format!("the stack has {count} frames, numbered from 0"));
             }
             self.frame = number;
         }
@@ -388,7 +388,7 @@ impl Console {
     fn select_by(&mut self, rest: &str, outwards: bool) -> Result<String, String> {
         let count: usize = match rest {
             "" => 1,
-            text => text.parse().map_err(|_| format!("`{text}` is no number of frames"))?,
+            text => text.parse().map_err(|_| format!("`{text}` is not a number of frames"))?,
         };
         let last = self.debugger.stack().len().saturating_sub(1);
         let wanted = match outwards {
@@ -409,7 +409,7 @@ impl Console {
         let frame = self.selected()?;
         let all = self.debugger.locals(&frame);
         if all.is_empty() {
-            return Ok(format!("{} has no variables with a name\n", frame.source.function));
+            return Ok(format!("{} has no named variables\n", frame.source.function));
         }
         Ok(self.variables(&frame, &all))
     }
@@ -451,7 +451,7 @@ impl Console {
         let frame = self.selected()?;
         let value = self.debugger.assign(&frame, target.trim(), value.trim())?;
         self.effect.edited = true;
-        Ok(format!("{} = {value}\nwhat ran after this step is forgotten\n", target.trim()))
+        Ok(format!("{} = {value}\nthe history after this step is discarded\n", target.trim()))
     }
 
     fn list(&mut self, rest: &str) -> Result<String, String> {
@@ -460,7 +460,7 @@ impl Console {
             text => {
                 let place = places::parse(text, self.current_file().as_deref())?;
                 let BreakpointPlace::Line { file, line } = place else {
-                    return Err(format!("`{text}` is no line: `list 27`, `list main.rgen:27`"));
+                    return Err(format!("`{text}` is not a line: `list 27`, `list main.rgen:27`"));
                 };
                 places::find_line(self.debugger.sources(), &file, line)?
             }
@@ -475,7 +475,7 @@ impl Console {
     fn sources(&self) -> String {
         let sources = self.debugger.sources();
         sources.files().iter().fold(String::new(), |text, file| {
-            let note = if file.text.is_some() { "" } else { " (without its text)" };
+            let note = if file.text.is_some() { "" } else { " (text unavailable)" };
             text + "  " + &file.name + note + "\n"
         })
     }
@@ -592,7 +592,7 @@ impl Console {
         }
         let number = |word: &str| word.parse().ok().filter(|number| known.contains(number));
         let named = text.split([' ', ',']).filter(|word| !word.is_empty());
-        named.map(|word| number(word).ok_or_else(|| format!("there is no breakpoint {word}"))).collect()
+        named.map(|word| number(word).ok_or_else(|| format!("breakpoint {word} does not exist"))).collect()
     }
 
     fn list_breakpoints(&self) -> String {

@@ -31,7 +31,7 @@ pub(super) fn specification(text: &str) -> Result<Specification<'_>, String> {
     let (text, from_hit) = match text.rsplit_once(" from ") {
         Some((before, count)) => {
             let count = count.trim();
-            let count = count.parse().map_err(|_| format!("`from {count}`: that is no number of hits"))?;
+            let count = count.parse().map_err(|_| format!("`from {count}`: `{count}` is not a hit count"))?;
             (before.trim(), count)
         }
         None => (text, 0),
@@ -70,11 +70,11 @@ pub(super) fn parse(text: &str, file: Option<&str>) -> Result<BreakpointPlace, S
         return traversal(text).map(BreakpointPlace::Traversal);
     }
     if let Ok(line) = text.parse() {
-        let file = file.ok_or("no source file is known here: say `FILE:LINE`")?.to_owned();
+        let file = file.ok_or("no source file is known here: use `FILE:LINE`")?.to_owned();
         return Ok(BreakpointPlace::Line { file, line });
     }
     if let Some((file, line)) = text.rsplit_once(':') {
-        let line = line.parse().map_err(|_| format!("`{line}` is no line of `{file}`"))?;
+        let line = line.parse().map_err(|_| format!("`{line}` is not a line of `{file}`"))?;
         return Ok(BreakpointPlace::Line { file: file.to_owned(), line });
     }
     let bare = |name: &str| name.replace(['-', '_'], "").to_lowercase();
@@ -92,7 +92,7 @@ pub(super) fn parse(text: &str, file: Option<&str>) -> Result<BreakpointPlace, S
 fn traversal(text: &str) -> Result<TraversalFilter, String> {
     let mut filter = TraversalFilter::default();
     for part in text.split_whitespace().filter(|part| *part != "traversal") {
-        let number = |value: &str| value.parse().map_err(|_| format!("`{part}`: `{value}` is no index"));
+        let number = |value: &str| value.parse().map_err(|_| format!("`{part}`: `{value}` is not an index"));
         match part.split_once('=') {
             Some(("instance", value)) => filter.instance = Some(number(value)?),
             Some(("geometry", value)) => filter.geometry = Some(number(value)?),
@@ -101,7 +101,7 @@ fn traversal(text: &str) -> Result<TraversalFilter, String> {
             None if part == "any-hit" => filter.any_hit = true,
             _ => {
                 return Err(format!(
-                    "`{part}` is none of instance=N, geometry=N, primitive=N, verdict=NAME, any-hit"
+                    "`{part}` is not one of instance=N, geometry=N, primitive=N, verdict=NAME, any-hit"
                 ));
             }
         }
@@ -109,7 +109,7 @@ fn traversal(text: &str) -> Result<TraversalFilter, String> {
     if let Some(verdict) = &filter.verdict
         && !VERDICTS.contains(&&**verdict)
     {
-        return Err(format!("`{verdict}` is no verdict; they are {}", VERDICTS.join(", ")));
+        return Err(format!("`{verdict}` is not a verdict; the verdicts are {}", VERDICTS.join(", ")));
     }
     Ok(filter)
 }
@@ -141,23 +141,23 @@ pub(super) fn find_line(sources: &SourceMap, file: &str, line: u32) -> Result<So
 
 fn unknown_file(sources: &SourceMap, file: &str) -> String {
     let names: Vec<&str> = sources.files().iter().map(|file| &*file.name).collect();
-    format!("no shader comes from `{file}`; the sources are {}", names.join(", "))
+    format!("no shader was compiled from `{file}`; the sources are {}", names.join(", "))
 }
 
 /// Why a breakpoint would never stop.
 pub(super) fn nowhere(place: &BreakpointPlace, sources: &SourceMap) -> String {
     match place {
         BreakpointPlace::Line { file, line } if sources.file(file).is_some() => {
-            format!("no code of `{file}` is on line {line} or after it")
+            format!("`{file}` has no code at or after line {line}")
         }
         BreakpointPlace::Line { file, .. } => unknown_file(sources, file),
         BreakpointPlace::Function(name) => {
             let names = sources.function_names();
-            format!("no function is called `{name}`; there are {}", names.join(", "))
+            format!("no function is named `{name}`; the functions are {}", names.join(", "))
         }
-        BreakpointPlace::Opcode(name) => format!("`{name}` is no opcode of SPIR-V"),
+        BreakpointPlace::Opcode(name) => format!("`{name}` is not a SPIR-V opcode"),
         BreakpointPlace::Instruction { .. } | BreakpointPlace::Stage(_) | BreakpointPlace::Traversal(_) => {
-            "nothing is there".into()
+            "the place does not exist".into()
         }
     }
 }

@@ -35,7 +35,7 @@ impl Debugger {
         check_followed(frame)?;
         let place = self.place(frame, target);
         if place.is_ok_and(|place| self.is_passed_on(frame, &place)) {
-            return Err(format!("`{target}` was given to the shader that runs: set it there"));
+            return Err(format!("`{target}` was passed to the running shader: set it there"));
         }
         let program = self.sources.shader(frame.shader).program.clone();
         let set =
@@ -54,7 +54,7 @@ impl Debugger {
                 && let Err(error) = ahead.follow(&self.edits)
             {
                 self.ahead = None;
-                self.print(format!("no findings of the sanitizer are told any more: {error}"));
+                self.print(format!("the sanitizer reports no further findings: {error}"));
             }
         }
         self.evaluate(frame, target)

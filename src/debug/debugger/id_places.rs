@@ -80,7 +80,7 @@ impl IdPlaces<'_> {
             _ => false,
         };
         let why = match is_undefined {
-            true => "optimized out: the compiler notes no value for it here".to_owned(),
+            true => "optimized out: the compiler records no value for it here".to_owned(),
             false => format!("optimized out: nothing in this call of the function calculates %{}", id.0),
         };
         VariablePlace::unavailable(&self.context, ty, why)
@@ -109,8 +109,8 @@ impl IdPlaces<'_> {
 
     fn try_of_pointer(&self, pointer: &Pointer) -> Result<VariablePlace, &'static str> {
         let (context, ty) = (&self.context, pointer.pointee);
-        let outside = "an index on the way to it is out of bounds";
-        let words = || word_count(&context.module, ty).ok_or("it is not read as a whole");
+        let outside = "an index of its access chain is out of bounds";
+        let words = || word_count(&context.module, ty).ok_or("it cannot be read as a whole");
         match pointer.base {
             PointerBase::Registers { first, count, constant } => {
                 let (offset, words) = (self.offset(pointer).ok_or(outside)?, words()?);
@@ -156,7 +156,7 @@ impl IdPlaces<'_> {
                 let handle = Bindings::element_handle(first, pointer.offset).wrapping_add(index);
                 Ok(VariablePlace::descriptors(context, ty, handle, buffers))
             }
-            PointerBase::Texel(_) => Err("it is a texel that only atomic instructions reach"),
+            PointerBase::Texel(_) => Err("it is a texel, which only atomic instructions access"),
         }
     }
 }

@@ -88,7 +88,7 @@ impl Debugger {
     pub fn place(&mut self, frame: &StackFrame, text: &str) -> Result<VariablePlace, String> {
         self.with_value(frame, text, |value, _| match value {
             Evaluated::Place(place) => Ok(place),
-            Evaluated::CalculatedValue(_) => Err(format!("`{text}` is calculated: it lies nowhere")),
+            Evaluated::CalculatedValue(_) => Err(format!("`{text}` is calculated and has no location")),
         })
     }
 
@@ -160,6 +160,6 @@ impl Debugger {
 pub(super) fn check_followed(frame: &StackFrame) -> Result<(), String> {
     match frame.lane {
         None => Ok(()),
-        Some(lane) => Err(format!("lane {lane} is not the one that is followed: it can only be looked at")),
+        Some(lane) => Err(format!("lane {lane} is not the followed lane: it can only be inspected")),
     }
 }

@@ -108,13 +108,13 @@ impl MemoryBase {
             }
             Self::Address(address) => {
                 if DeviceMemory::is_null(address) {
-                    return Err(format!("{address:#x} is too near to the null pointer"));
+                    return Err(format!("{address:#x} is too close to the null pointer"));
                 }
                 let (buffer, first) = state
                     .bindings()
                     .memory
                     .buffer(address)
-                    .ok_or_else(|| format!("no buffer lies at the address {address:#x}"))?;
+                    .ok_or_else(|| format!("no buffer contains the address {address:#x}"))?;
                 Ok((buffer, first..buffer.size().max(first)))
             }
         }
@@ -123,5 +123,5 @@ impl MemoryBase {
 
 /// The message for a read or write outside of memory.
 pub(super) fn outside(offset: u64, range: &Range<u64>) -> String {
-    format!("the offset {offset} is outside of the {} bytes there", range.end - range.start)
+    format!("the offset {offset} is outside the {} available bytes", range.end - range.start)
 }

@@ -53,10 +53,10 @@ pub(super) fn buffer_scalars(
     layout: PointeeLayout,
 ) -> Result<Vec<BufferScalar>, String> {
     let name = || module.describe_type(ty);
-    word_count(module, ty).ok_or_else(|| format!("{} is not read as a whole", name()))?;
+    word_count(module, ty).ok_or_else(|| format!("{} cannot be read as a whole", name()))?;
     let mut scalars = Vec::new();
     let found = collect_scalars(module, ty, offset, layout, &mut scalars);
-    found.map(|()| scalars).ok_or_else(|| format!("the layout of {} in memory is not known", name()))
+    found.map(|()| scalars).ok_or_else(|| format!("the memory layout of {} is unknown", name()))
 }
 
 fn collect_scalars(

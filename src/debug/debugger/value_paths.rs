@@ -94,7 +94,7 @@ pub(super) fn assemble(
         Some(ty) => join(places, ty, &all, why),
         None if all.is_empty() => VariablePlace::unavailable(&places.context, places.void(), why),
         None => {
-            let why = "the compiler has taken it apart, and its type is not known";
+            let why = "the compiler split it into parts, and its type is unknown";
             VariablePlace::unavailable(&places.context, places.void(), why)
         }
     }

@@ -165,7 +165,7 @@ impl VariablePlace {
                 _ => Ok(vec![*first]),
             },
             PlaceStorage::Descriptors { .. } => Err("an array of buffers has no value".into()),
-            PlaceStorage::Pointer(_) => Err("the compiler knows where it points: it has no value".into()),
+            PlaceStorage::Pointer(_) => Err("it is a pointer that the compiler resolved: it has no value".into()),
             PlaceStorage::Parts(parts) => {
                 let mut words = Vec::new();
                 for part in parts {
@@ -195,7 +195,7 @@ impl VariablePlace {
     pub fn set_words(&self, state: &mut dyn LaneState, words: &[u32]) -> Result<(), String> {
         let count = word_count(self.module(), self.ty);
         if count.is_none_or(|count| count as usize != words.len()) {
-            return Err(format!("a value of another type than {}", self.type_name()));
+            return Err(format!("the value is not of the type {}", self.type_name()));
         }
         match &self.storage {
             PlaceStorage::Registers { fixed: Some(why), .. } => Err((*why).to_owned()),
@@ -278,7 +278,7 @@ impl VariablePlace {
 
     fn scalars(&self, memory: &MemoryPlace) -> Result<Vec<(u64, u32)>, String> {
         if memory.packed {
-            let count = word_count(self.module(), self.ty).ok_or("it is not read as a whole")?;
+            let count = word_count(self.module(), self.ty).ok_or("it cannot be read as a whole")?;
             return Ok((0..count).map(|word| (memory.offset + 4 * u64::from(word), 32)).collect());
         }
         buffer_scalars(self.module(), self.ty, memory.offset, memory.layout)
@@ -332,7 +332,7 @@ impl VariablePlace {
     /// The content of a value that is no struct and no array.
     fn leaf_content(&self, state: &dyn LaneState) -> Result<ValueContent, String> {
         if let PlaceStorage::Pointer(_) = self.storage {
-            return Ok(ValueContent::Text("a pointer that the compiler knows".into()));
+            return Ok(ValueContent::Text("a pointer that the compiler resolved".into()));
         }
         if let PlaceStorage::Descriptors { first, .. } = self.storage {
             return Ok(ValueContent::Text(self.context.describe_descriptor(state, first)));
@@ -378,7 +378,7 @@ impl VariablePlace {
                 PlaceStorage::Memory(memory) => {
                     let (_, range) = memory.base.buffer(state)?;
                     let bytes = (range.end - range.start).saturating_sub(memory.offset);
-                    let stride = stride.ok_or("the stride of the array is not known")?;
+                    let stride = stride.ok_or("the stride of the array is unknown")?;
                     Ok(bytes / u64::from(stride.max(1)))
                 }
                 PlaceStorage::Descriptors { first, .. } => {
@@ -389,7 +389,7 @@ impl VariablePlace {
                     });
                     Ok(known.map_or(0, |summary| summary.count as u64))
                 }
-                _ => Err("the length of the array is not known".into()),
+                _ => Err("the length of the array is unknown".into()),
             },
             Type::Pointer { pointee: Some(_), .. } => match self.pointee(state) {
                 Ok(pointee) if pointee.is_pointer() => Ok(1),
@@ -450,7 +450,7 @@ impl VariablePlace {
             _ => return Err(format!("{} has no parts", self.type_name())),
         };
         let part = part.filter(|_| count.is_none_or(|count| at < count));
-        let part = part.ok_or_else(|| format!("{at} is outside of {}", self.type_name()))?;
+        let part = part.ok_or_else(|| format!("{at} is outside {}", self.type_name()))?;
         let storage = match &self.storage {
             PlaceStorage::Registers { registers, fixed } => {
                 let registers = self.part_words(part, at).and_then(|range| registers.get(range));
@@ -489,7 +489,7 @@ impl VariablePlace {
 
     fn part_memory(&self, memory: &MemoryPlace, part: TypeId, at: u64) -> Result<MemoryPlace, String> {
         let module = self.module();
-        let unknown = || format!("the layout of {} in memory is not known", self.type_name());
+        let unknown = || format!("the memory layout of {} is unknown", self.type_name());
         let (offset, layout) = if memory.packed {
             let words = self.part_words(part, at).ok_or_else(unknown)?;
             (4 * words.start as u64, PointeeLayout::default())
@@ -514,9 +514,9 @@ impl VariablePlace {
                 _ => (None, memory.layout),
             };
             let offset = at.checked_mul(stride.ok_or_else(unknown)?.into());
-            (offset.ok_or("an offset beyond all memory")?, layout)
+            (offset.ok_or("the offset is outside all memory")?, layout)
         };
-        let offset = memory.offset.checked_add(offset).ok_or("an offset beyond all memory")?;
+        let offset = memory.offset.checked_add(offset).ok_or("the offset is outside all memory")?;
         Ok(MemoryPlace { offset, layout, ..*memory })
     }
 
@@ -534,10 +534,10 @@ impl VariablePlace {
             each = each.saturating_mul(array_length(self.module(), length) as u64);
             inner = element;
         }
-        let (slot, element) = Bindings::slot_of(first).ok_or("a null descriptor")?;
+        let (slot, element) = Bindings::slot_of(first).ok_or("it is a null descriptor")?;
         let element = at.checked_mul(each).and_then(|at| at.checked_add(element.into()));
         let element = element.and_then(|element| u32::try_from(element).ok());
-        let handle = Bindings::handle(slot as u32, element.ok_or("an index beyond all descriptors")?);
+        let handle = Bindings::handle(slot as u32, element.ok_or("the index is outside all descriptors")?);
         Ok(if buffers && inner == part {
             let (base, layout) = (MemoryBase::Descriptor(handle), PointeeLayout::default());
             PlaceStorage::Memory(MemoryPlace { base, offset: 0, layout, packed: false })
@@ -555,7 +555,7 @@ impl VariablePlace {
             return Ok((**to).clone());
         }
         let Type::Pointer { pointee: Some(_), .. } = *self.module().ty(self.ty) else {
-            return Err(format!("{} is no pointer", self.type_name()));
+            return Err(format!("{} is not a pointer", self.type_name()));
         };
         Self::of_pointer(&self.context, self.ty, &self.words(state)?)
     }
@@ -568,7 +568,7 @@ impl VariablePlace {
     ) -> Result<Self, String> {
         let module = &context.module;
         let Type::Pointer { storage_class, pointee: Some(ty), .. } = *module.ty(pointer) else {
-            return Err(format!("{} is no pointer", module.describe_type(pointer)));
+            return Err(format!("{} is not a pointer", module.describe_type(pointer)));
         };
         let memory = |base, offset, packed| {
             Self::memory(context, ty, MemoryPlace { base, offset, layout: PointeeLayout::default(), packed })
@@ -589,11 +589,11 @@ impl VariablePlace {
             }
             (_, &[register]) if register >= REGISTER_POINTER => {
                 let first = register - REGISTER_POINTER;
-                let count = word_count(module, ty).ok_or("it is not read as a whole")?;
+                let count = word_count(module, ty).ok_or("it cannot be read as a whole")?;
                 Self::registers(context, ty, (first..first.saturating_add(count)).map(Reg).collect())
             }
             (_, [0]) => return Err("the pointer is null".into()),
-            _ => return Err(format!("{} is not followed", module.describe_type(pointer))),
+            _ => return Err(format!("{} cannot be dereferenced", module.describe_type(pointer))),
         })
     }
 }

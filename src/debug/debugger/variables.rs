@@ -236,7 +236,7 @@ fn place_of_local(
             None => places.pointee(location.value),
         };
         let place = match local.is_copy {
-            true => place.fixed("the compiler keeps it in values: this is its copy for debuggers"),
+            true => place.fixed("the compiler keeps it in values; this is a copy for debuggers"),
             false => place,
         };
         return (place, is_declared);
@@ -262,8 +262,8 @@ fn place_of_local(
     }
     let why = match (is_declared, ambiguous) {
         (false, _) => "it is not declared yet",
-        (true, true) => "its value depends on the way that was taken here: the compiler keeps it nowhere",
-        (true, false) => "the compiler has removed it here",
+        (true, true) => "its value depends on the control flow that led here, and the compiler stores it nowhere",
+        (true, false) => "the compiler removed it here",
     };
     let place = assemble(places, local, &parts, why);
     (place, is_declared)
@@ -275,7 +275,7 @@ fn place_of(places: &IdPlaces<'_>, location: &VariableLocation) -> VariablePlace
         LocationForm::Declared | LocationForm::Pointer => places.pointee(location.value),
         LocationForm::Direct => places.value(location.value),
         LocationForm::Calculated => {
-            let why: Arc<str> = "it is an expression of debug information that is not evaluated".into();
+            let why: Arc<str> = "its debug information is an expression that is not evaluated".into();
             let ty = places.program.module.type_of(location.value).unwrap_or_else(|| places.void());
             VariablePlace::unavailable(&places.context, ty, why)
         }

@@ -94,7 +94,7 @@ impl Session {
         let samples = walk::samples(&transcript.root);
         let root = *samples.get(sample).ok_or_else(|| {
             let count = samples.len();
-            let message = format!("there is no ray {sample} to draw: the outermost shader traces {count}");
+            let message = format!("ray {sample} does not exist: the outermost shader traces {count}");
             Error::new(ErrorKind::InvalidArgument, message)
         })?;
         let rays = walk::rays(root);

@@ -18,7 +18,7 @@ impl Writer<'_> {
         let Traversal { nodes, instances, .. } = view.traversal;
         if *nodes > 0 {
             let nodes = with_plural(*nodes, "node");
-            self.page.line(format_args!("{nodes} of the tree over the instances opened"));
+            self.page.line(format_args!("{nodes} of the instance tree opened"));
         }
         // If there are too many, only those that were entered are shown.
         let mut shown: Vec<&InstanceReport> = instances.iter().collect();
@@ -65,11 +65,11 @@ impl Writer<'_> {
             }
             InstanceOutcome::MissedBox => self.page.styled(
                 TextStyle::Dim,
-                "dropped: the ray passes by the box around it, or meets it outside the interval",
+                "dropped: the ray misses its bounding box, or hits it outside the interval",
             ),
             InstanceOutcome::NotReached => self.page.styled(
                 TextStyle::Dim,
-                "not reached: its box is missed or lies behind a hit, or the search ended before",
+                "not reached: its bounding box is missed or behind a hit, or traversal ended before",
             ),
         };
         let moves = if instance.moves { ", moving" } else { "" };
@@ -134,10 +134,10 @@ impl Writer<'_> {
             }
             PrimitiveOutcome::Candidate => self
                 .page
-                .styled(TextStyle::Dim, "candidate whose turn did not come: a closer hit ended the search"),
+                .styled(TextStyle::Dim, "candidate, not evaluated: a closer hit ended traversal"),
             PrimitiveOutcome::Behind => {
                 let behind = one.behind.map_or_else(String::new, |t| format!(" at t {t}"));
-                self.page.styled(TextStyle::Dim, format_args!("dropped: behind a known hit{behind}"))
+                self.page.styled(TextStyle::Dim, format_args!("dropped: behind a closer hit{behind}"))
             }
             PrimitiveOutcome::OutsideInterval => {
                 self.page.styled(TextStyle::Dim, "dropped: outside the interval")
@@ -149,7 +149,7 @@ impl Writer<'_> {
                 self.page.styled(TextStyle::Dim, "dropped: the ray's flags cull its opacity")
             }
             PrimitiveOutcome::CulledByFace => {
-                self.page.styled(TextStyle::Dim, "dropped: the ray's flags cull the side that it shows")
+                self.page.styled(TextStyle::Dim, "dropped: the ray's flags cull its facing side")
             }
             PrimitiveOutcome::Missed => self.page.styled(TextStyle::Dim, "missed"),
         };
@@ -170,7 +170,7 @@ fn outcome_count(verdict: PrimitiveOutcome, count: u64) -> String {
     let what = match verdict {
         PrimitiveOutcome::Opaque => return with_plural(count, "opaque hit"),
         PrimitiveOutcome::Candidate => return with_plural(count, "candidate"),
-        PrimitiveOutcome::Behind => "behind a known hit",
+        PrimitiveOutcome::Behind => "behind a closer hit",
         PrimitiveOutcome::OutsideInterval => "outside the interval",
         PrimitiveOutcome::Transparent => "transparent",
         PrimitiveOutcome::CulledByOpacity => "culled by opacity",
@@ -185,7 +185,7 @@ fn instance_outcome_label(verdict: InstanceOutcome) -> &'static str {
         InstanceOutcome::Entered => "entered",
         InstanceOutcome::Masked => "dropped by mask",
         InstanceOutcome::Skipped => "of a skipped kind",
-        InstanceOutcome::MissedBox => "box missed",
+        InstanceOutcome::MissedBox => "bounding box missed",
         InstanceOutcome::NotReached => "not reached",
     }
 }

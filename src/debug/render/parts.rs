@@ -63,8 +63,8 @@ pub fn parts(transcript: &Transcript, filter: &PageFilter, options: RenderOption
         (root, Some(number)) => {
             let samples = walk::samples(root);
             let step = *samples.get(number).ok_or_else(|| {
-                invalid(format!("there is no ray {number}: the outermost shader traces {}", samples.len()))
-                    .note("--sample counts them from 0")
+                invalid(format!("ray {number} does not exist: the outermost shader traces {}", samples.len()))
+                    .note("--sample numbers rays from 0")
             })?;
             let path = match root {
                 Step::Shader(run) => vec![summary_words::label(&run.shader)],
@@ -90,7 +90,7 @@ fn nothing(transcript: &Transcript) -> Error {
         walk::runs(&transcript.root).into_iter().map(|run| summary_words::label(&run.shader)).collect();
     sort(&mut shaders);
     shaders.dedup();
-    invalid("nothing that ran fits --depth, --sample, --shader and --at together")
+    invalid("no ray or shader matches --depth, --sample, --shader and --at together")
         .note(format!("the deepest ray is at depth {deepest}; the shaders that ran: {}", shaders.join(", ")))
 }
 

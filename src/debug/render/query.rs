@@ -35,7 +35,7 @@ impl Writer<'_> {
         let end = match query.end {
             QueryEnd::Complete => "complete: OpRayQueryProceedKHR returned false",
             QueryEnd::Terminated => "ended by OpRayQueryTerminateKHR",
-            QueryEnd::Underway => "left before its end",
+            QueryEnd::Underway => "not completed",
         };
         self.page.line(end);
     }

@@ -46,7 +46,7 @@ impl Writer<'_> {
             (ExitKind::Returned, _) => "returned".to_owned(),
             (ExitKind::Ignored, _) => "ignored the intersection: the candidate is dropped".to_owned(),
             (ExitKind::Terminated, _) => {
-                "terminated the ray: the candidate is accepted, the search ends".to_owned()
+                "terminated the ray: the candidate is accepted, traversal ends".to_owned()
             }
             (ExitKind::Trapped, _) => {
                 let message = run.exit.message.unwrap_or_default();
@@ -80,7 +80,7 @@ impl Writer<'_> {
             return;
         }
         self.page.blank_line();
-        self.page.line(self.page.styled(TextStyle::Heading, "lines that ran"));
+        self.page.line(self.page.styled(TextStyle::Heading, "executed lines"));
         if let Some(most) = self.options.last_lines {
             let cut = lines.len().saturating_sub(most);
             if cut > 0 {
@@ -117,7 +117,7 @@ impl Writer<'_> {
 
     /// A line with its values, in a column or below it.
     pub(super) fn executed_line(&mut self, line: &ExecutedLine, width: usize) {
-        let text = line.text.as_deref().unwrap_or("(its text is not known)");
+        let text = line.text.as_deref().unwrap_or("(source text unknown)");
         let times = match line.count {
             0 | 1 => String::new(),
             count => format!("  ({count} times)"),
@@ -203,7 +203,7 @@ fn record_rows(record: &RecordData) -> Vec<(String, String)> {
 
 /// Both sizes of a block, where they differ.
 fn size_row(name: &str, given: u64, declared: u64) -> Option<(String, String)> {
-    let sizes = || (format!("{name} size"), format!("{given} bytes given, {declared} declared"));
+    let sizes = || (format!("{name} size"), format!("{given} bytes provided, {declared} declared"));
     (given != declared).then(sizes)
 }
 

@@ -46,7 +46,7 @@ pub(super) fn unary(operator: UnaryOperator, operand: &CalculatedValue) -> Calcu
                 UnaryOperator::Not => "!",
                 UnaryOperator::Dereference => "*",
             };
-            Err(format!("no `{spelling}` of {}", operand.type_name()))
+            Err(format!("`{spelling}` is not defined for {}", operand.type_name()))
         }
     }
 }
@@ -97,7 +97,7 @@ pub(super) fn calculated(operator: Operator, a: &CalculatedValue, b: &Calculated
 }
 
 fn mismatch(operator: Operator, a: &CalculatedValue, b: &CalculatedValue) -> String {
-    format!("no `{}` of {} and {}", operator.spelling(), a.type_name(), b.type_name())
+    format!("`{}` is not defined for {} and {}", operator.spelling(), a.type_name(), b.type_name())
 }
 
 /// The type in which two operands meet (GLSL 4.60, 4.1.10).
@@ -153,7 +153,7 @@ pub(super) fn scalar(operator: Operator, ty: ScalarType, a: u64, b: u64) -> Resu
         Operator::Divide => a / b,
         _ => a % b,
     };
-    let by_zero = || "a division by zero".to_owned();
+    let by_zero = || "division by zero".to_owned();
     Ok(match ty {
         ScalarType::Float(32) => floats(f32::from_bits(a as u32), f32::from_bits(b as u32)).to_bits().into(),
         // Rounding the exact result to f32 first changes nothing: f32 has more than twice as many
@@ -224,7 +224,7 @@ fn shift(operator: Operator, a: &CalculatedValue, b: &CalculatedValue) -> Calcul
     for (at, &bits) in a.bits().iter().enumerate() {
         let count = b.bits()[if spread { 0 } else { at }];
         if count >= width.into() {
-            return Err(format!("a shift by {count} of a value of {width} bits"));
+            return Err(format!("a shift by {count} of a {width}-bit value"));
         }
         shifted.push(
             match (operator, a.ty()) {

@@ -47,7 +47,7 @@ impl Evaluated {
         let numbers = self.numbers(state)?;
         numbers
             .as_bool()
-            .ok_or_else(|| format!("{} is no condition: `any` and `all` are", numbers.type_name()))
+            .ok_or_else(|| format!("{} is not a condition: use `any` or `all`", numbers.type_name()))
     }
 
     /// The numbers that it is made of.
@@ -56,7 +56,7 @@ impl Evaluated {
             Self::CalculatedValue(numbers) => Ok(numbers.clone()),
             Self::Place(place) => {
                 let numbers = CalculatedValue::of_place(place, state)?;
-                numbers.ok_or_else(|| format!("{} is no number and no vector", place.type_name()))
+                numbers.ok_or_else(|| format!("{} is neither a number nor a vector", place.type_name()))
             }
         }
     }
@@ -107,7 +107,7 @@ impl<'a> Evaluator<'a> {
             NodeKind::Unary(UnaryOperator::Dereference, operand) => {
                 let found = self.evaluate(operand)?;
                 let Evaluated::Place(place) = &found else {
-                    return Err(error(format!("{} is no pointer", found.type_name())));
+                    return Err(error(format!("{} is not a pointer", found.type_name())));
                 };
                 place.pointee(self.state).map(Evaluated::Place).map_err(error)
             }
@@ -144,7 +144,7 @@ impl<'a> Evaluator<'a> {
                 let found = self.evaluate(of)?;
                 let number = self.numbers(index)?;
                 let index = number.as_index().ok_or_else(|| {
-                    let message = format!("{} is no index", number.typed_value());
+                    let message = format!("{} is not an index", number.typed_value());
                     ExpressionError::new(index.column, message)
                 })?;
                 self.element(&found, index).map_err(error)
@@ -188,7 +188,7 @@ impl<'a> Evaluator<'a> {
         if let Some(event) = self.event {
             return match event.value(builtin_of_name(name).map_or(name, |builtin| builtin.name)) {
                 Some(value) => Ok(Evaluated::CalculatedValue(value)),
-                None => Err(format!("`{name}` is not told here: the event tells {}", event.names())),
+                None => Err(format!("the event has no `{name}`; it has {}", event.names())),
             };
         }
         let place = |place: VariablePlace| match place.why_unavailable() {
@@ -246,7 +246,7 @@ impl<'a> Evaluator<'a> {
     fn id(&self, id: Id) -> Result<Evaluated, String> {
         let module = &self.program.module;
         if module.type_of(id).is_none() {
-            return Err(format!("%{} is no value", id.0));
+            return Err(format!("%{} is not a value", id.0));
         }
         let place = value_of_id(self.program, self.frame, self.state, id);
         match place.why_unavailable() {
@@ -328,7 +328,7 @@ impl<'a> Evaluator<'a> {
                     && index >= count
                 {
                     return Err(format!(
-                        "{index} is outside of the {count} elements of {}",
+                        "{index} is outside the {count} elements of {}",
                         array.type_name()
                     ));
                 }
@@ -336,7 +336,7 @@ impl<'a> Evaluator<'a> {
             }
             Evaluated::CalculatedValue(numbers) => {
                 let part = numbers.part(index).map(Evaluated::CalculatedValue);
-                part.ok_or_else(|| format!("{index} is outside of {}", numbers.type_name()))
+                part.ok_or_else(|| format!("{index} is outside {}", numbers.type_name()))
             }
         }
     }

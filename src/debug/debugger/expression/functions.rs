@@ -151,7 +151,7 @@ fn construct(name: &str, ty: ScalarType, shape: NumberShape, arguments: &[Calcul
         (all, _) if all >= count && all - count < arguments.last().map_or(0, |last| last.bits().len()) => {
             given[..count].into()
         }
-        (all, _) => return Err(format!("`{name}` is made of {count} components, not {all}")),
+        (all, _) => return Err(format!("`{name}` has {count} components, not {all}")),
     };
     Ok(CalculatedValue::new(ty, shape, bits))
 }
@@ -208,7 +208,7 @@ fn together(
 /// The message that a function takes no such arguments.
 fn no_function(name: &str, arguments: &[CalculatedValue]) -> String {
     let types: Vec<String> = arguments.iter().map(CalculatedValue::type_name).collect();
-    format!("no `{name}` of {}", types.join(" and "))
+    format!("`{name}` is not defined for {}", types.join(" and "))
 }
 
 /// Runs an instruction on arguments of one type and shape.
@@ -302,7 +302,7 @@ fn mix(of: &[CalculatedValue]) -> Calculated {
         return Kind::Floats(glsl(46)).call("mix", of);
     }
     if x.shape() != by.shape() || x.shape() != y.shape() || x.ty() != y.ty() {
-        return Err("`mix` by bools takes three values of one shape".into());
+        return Err("`mix` with bools requires three values of the same shape".into());
     }
     let operands = [by.clone(), y.clone(), x.clone()];
     shader_code::call("mix", opcode::SELECT, (x.ty(), x.shape()), &operands)
@@ -312,6 +312,6 @@ fn mix(of: &[CalculatedValue]) -> Calculated {
 fn reinterpret(of: &CalculatedValue, ty: ScalarType) -> Calculated {
     match of.ty().width() {
         32 => Ok(CalculatedValue::new(ty, of.shape(), of.bits().into())),
-        _ => Err(format!("{} has no components of 32 bits", of.type_name())),
+        _ => Err(format!("{} has no 32-bit components", of.type_name())),
     }
 }

@@ -64,8 +64,8 @@ pub(super) fn tokens(text: &str) -> Result<Vec<Token>, ExpressionError> {
             &rest[mark.len()..]
         } else {
             let message = match first {
-                '=' => "an expression sets nothing: `==` compares".to_owned(),
-                _ => format!("`{first}` is of no expression"),
+                '=' => "an expression cannot assign; `==` compares".to_owned(),
+                _ => format!("unexpected `{first}`"),
             };
             return Err(ExpressionError::new(column, message));
         };
@@ -78,7 +78,7 @@ fn number(text: &str) -> Result<(CalculatedValue, &str), String> {
     if let Some(digits) = hexadecimal {
         let end = digits.find(|next: char| !next.is_ascii_hexdigit()).unwrap_or(digits.len());
         let (digits, rest) = digits.split_at(end);
-        let bits = u64::from_str_radix(digits, 16).map_err(|_| "a hexadecimal number beyond 64 bits")?;
+        let bits = u64::from_str_radix(digits, 16).map_err(|_| "a hexadecimal number exceeds 64 bits")?;
         return integer(bits, rest, true);
     }
     let digits = |text: &str| text.bytes().take_while(u8::is_ascii_digit).count();
@@ -101,7 +101,7 @@ fn number(text: &str) -> Result<(CalculatedValue, &str), String> {
     let (digits, rest) = text.split_at(end);
     let is_float = is_float || rest.starts_with(['f', 'F', 'h', 'H']);
     if !is_float {
-        let bits = digits.parse().map_err(|_| "a number beyond 64 bits")?;
+        let bits = digits.parse().map_err(|_| "a number exceeds 64 bits")?;
         return integer(bits, rest, false);
     }
     let end = rest.find(|next: char| !next.is_ascii_alphanumeric()).unwrap_or(rest.len());
@@ -117,9 +117,9 @@ fn number(text: &str) -> Result<(CalculatedValue, &str), String> {
             let half = digits.parse().map(half::f16::from_f64);
             half.map(|value| CalculatedValue::scalar(ScalarType::Float(16), value.to_bits().into()))
         }
-        _ => return Err(format!("no float has the suffix `{suffix}`")),
+        _ => return Err(format!("`{suffix}` is not a suffix of floats")),
     };
-    Ok((number.map_err(|_| format!("`{digits}` is no number"))?, rest))
+    Ok((number.map_err(|_| format!("`{digits}` is not a number"))?, rest))
 }
 
 /// An integer with a suffix: `u`, `l`, `ul`.
@@ -131,7 +131,7 @@ fn integer(bits: u64, text: &str, is_hexadecimal: bool) -> Result<(CalculatedVal
         "u" => (false, 32),
         "l" | "ll" => (true, 64),
         "ul" | "ull" | "lu" => (false, 64),
-        _ => return Err(format!("no integer has the suffix `{suffix}`")),
+        _ => return Err(format!("`{suffix}` is not a suffix of integers")),
     };
     // Hexadecimal literals are bit patterns (GLSL 4.60, 4.1.3); decimal ones that an int does not
     // hold are taken as wider ones.

@@ -128,7 +128,7 @@ fn assignments(
         let numbers = evaluator.numbers_for(value)?;
         let one = numbers.bits().len() == 1;
         if !one && numbers.bits().len() != places.len() {
-            let message = format!("{} is not of {} components", numbers.type_name(), places.len());
+            let message = format!("{} does not have {} components", numbers.type_name(), places.len());
             return Err(ExpressionError::new(value.column, message));
         }
         let words = places.into_iter().zip(0..).map(|(place, at)| {

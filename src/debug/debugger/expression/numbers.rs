@@ -174,7 +174,7 @@ impl CalculatedValue {
     /// # Errors
     /// The message where GLSL would have to be told, or has no such conversion.
     pub(super) fn words_as(&self, module: &Module, ty: TypeId) -> Result<Vec<u32>, String> {
-        let wrong = || format!("{} is no {}", self.type_name(), module.describe_type(ty));
+        let wrong = || format!("cannot convert {} to {}", self.type_name(), module.describe_type(ty));
         let (scalar, count) = match *module.ty(ty) {
             Type::Vector { component, count } => (component, count),
             Type::Matrix { column, count } => match *module.ty(column) {

@@ -16,12 +16,12 @@ const MAX_NODES: usize = 1024;
 /// Parses a whole text.
 pub(super) fn parse(text: &str) -> Result<Node, ExpressionError> {
     if text.len() > MAX_LENGTH {
-        let message = format!("an expression of more than {MAX_LENGTH} bytes");
+        let message = format!("the expression has more than {MAX_LENGTH} bytes");
         return Err(ExpressionError::new(MAX_LENGTH, message));
     }
     let tokens = tokens(text)?;
     if tokens.len() > MAX_NODES {
-        let message = format!("an expression of more than {MAX_NODES} parts");
+        let message = format!("the expression has more than {MAX_NODES} parts");
         return Err(ExpressionError::new(tokens[MAX_NODES].column, message));
     }
     let mut parser = Parser { tokens, at: 0, depth: 0 };

@@ -97,7 +97,7 @@ pub(super) fn call(
 ) -> Calculated {
     run(instruction, result, operands).map_err(|_| {
         let types: Vec<String> = operands.iter().map(CalculatedValue::type_name).collect();
-        format!("no `{name}` of {}", types.join(" and "))
+        format!("`{name}` is not defined for {}", types.join(" and "))
     })
 }
 
