@@ -81,7 +81,7 @@ impl<'a> Contract<'a> {
         let error = match (first_read(program, variable), files.next().filter(|file| !file.name.is_empty())) {
             (Some(offset), _) => at_word(program, offset, error),
             (None, Some(file)) => error.at(Place::File(file.name.clone().into())),
-            (None, None) => error.note(format!("it is shader {shader} of the pipeline, from 0")),
+            (None, None) => error.note(format!("shader {shader} of the pipeline, counted from 0")),
         };
         let error = error.note(format!("in {} `{}`", program.stage.name(), program.name));
         let key = FindingKey { rule: rule.id, places: [(shader, variable.0), (shader, 0)] };

@@ -79,7 +79,7 @@ impl PassedData {
             let error = with_location(program, *op, error, "it is passed here");
             let error = match unpassed_namesake(program, passed) {
                 Some(other) => error.note(format!(
-                    "the shader reads `{other}`, which no call writes: is it meant to have this location?"
+                    "the shader reads `{other}`, which no call writes: should it have this location?"
                 )),
                 None => error,
             };

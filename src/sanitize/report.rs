@@ -364,7 +364,7 @@ impl<const W: usize> Reporter<'_, W> {
                 Told {
                     label: format!("it {says} here"),
                     notes: vec![
-                        "it is OpUndef, as an optimizer leaves of a variable that was not written".into(),
+                        "it is OpUndef, which optimizers substitute for an unwritten variable".into(),
                     ],
                     cause: (shader, id.0),
                     ..Told::at(&memory::UNDEF_USE, here, message)
@@ -383,7 +383,7 @@ impl<const W: usize> Reporter<'_, W> {
         };
         told.by_line = true;
         if filled != 0 {
-            told.notes.push(format!("of its bits, only {filled:#010x} were written, by bitfieldInsert"));
+            told.notes.push(format!("bitfieldInsert wrote only the bits {filled:#010x} of it"));
         }
         Some(told)
     }

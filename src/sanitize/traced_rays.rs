@@ -112,7 +112,7 @@ impl SeenRays {
                 let message = format!("no ray of the run meets {name}, whose mask is {mask:#x}");
                 let error = Error::new(ErrorKind::Finding, message);
                 let error = names.instance_place(at, number).into_iter().fold(error, Error::at);
-                let error = error.note(format!("the rays' cull masks together are {masks:#x}"));
+                let error = error.note(format!("the combined cull mask of all rays is {masks:#x}"));
                 let finding = Finding { rule, level, count: 0, launch_id: [0; 3], stack: Vec::new(), error };
                 findings.add(structure_key(rule, at, number), 1, Some(finding));
             }
@@ -148,7 +148,7 @@ impl SeenRays {
             };
             let structure = structure_of(names, &reason.tlas);
             let name = geometry_name(names, structure, reason.instance, reason.geometry as usize);
-            let error = error.note(format!("{name} is, by the flag of {}", reason.by));
+            let error = error.note(format!("{name} is opaque due to a flag of {}", reason.by));
             let key = FindingKey { rule: rule.id, places: [(shader, 0), (shader, 0)] };
             let finding = Finding { rule, level, count: 0, launch_id: [0; 3], stack: Vec::new(), error };
             findings.add(key, 1, Some(finding));

@@ -180,7 +180,7 @@ impl UnwrittenMemory {
             let message =
                 format!("{left} of the {all} {were} never written in `{}`: the first is {at}", image.name);
             let error = Error::new(ErrorKind::Finding, message);
-            let error = with_location(program, *op, error, "others are written here");
+            let error = with_location(program, *op, error, "other texels are written here");
             let error = error.note(format!("in {} `{}`", program.stage.name(), program.name));
             let key = FindingKey { rule: rule.id, places: [(ShaderIndex(u32::MAX), number); 2] };
             let finding = Finding { rule, level, count: 0, launch_id: [0; 3], stack: Vec::new(), error };

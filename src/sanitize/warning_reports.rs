@@ -15,7 +15,7 @@ use crate::error::Error;
 /// # }
 /// ```
 #[derive(Clone, Debug, Default)]
-#[must_use = "warnings that nothing looks at are lost: print them, or assert that there are none"]
+#[must_use = "unread warnings are lost: print them, or assert that there are none"]
 pub struct WarningReports(Vec<Error>);
 
 impl WarningReports {

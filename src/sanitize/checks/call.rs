@@ -110,12 +110,14 @@ fn fault(
         let message = format!("{who} declares no {}, and is given {gives}", passed.what);
         let [outgoing, incoming] = passed.keywords;
         let other = unpassed(called, passed.outgoing).map(|name| {
-            format!("it declares `{name}` as {outgoing}, which is what it passes to others, not {incoming}")
+            format!("it declares `{name}` as {outgoing}, which is for data that it passes to other \
+            shaders, not as {incoming}")
         });
         // Where nothing shows the source, an optimizer may have dropped an unused declaration.
         let is_uncertain = other.is_none() && !has_source(&called.module);
         let unless = is_uncertain.then(|| {
-            "unless an optimizer has dropped an unused declaration: debug information (-g) would tell"
+            "an optimizer may have removed an unused declaration: compile with debug information (-g) to \
+             find out"
                 .to_owned()
         });
         let notes = other.into_iter().chain(unless).collect();
@@ -128,7 +130,7 @@ fn fault(
     if let Some([own, other]) = first_difference(types) {
         let [own, other] = [called.module.describe_type(own), caller.module.describe_type(other)];
         let message = format!("{who} takes {takes}, and is given {gives}");
-        let note = format!("where the structures first differ, it has {own}, and the caller {other}");
+        let note = format!("the first difference: the called shader has {own}, the caller {other}");
         return Some(certain(&contract::PAYLOAD_STRUCTURE, message, vec![note]));
     }
     are_laid_out_otherwise(types).then(|| {

@@ -75,7 +75,7 @@ impl<const W: usize> Reporter<'_, W> {
             let through = names_on_path(&born.module, offset(born, here.op), offset(born, place.op));
             if !through.is_empty() {
                 let names: Vec<String> = through.iter().map(|name| format!("`{name}`")).collect();
-                notes.push(format!("it goes through {}", names.join(", then ")));
+                notes.push(format!("it passes through {}", names.join(", then ")));
             }
         } else {
             notes.push(format!("it is made in the {} shader `{}`", born.stage.name(), born.name));
