@@ -97,25 +97,29 @@ fn mistakes_are_shown_at_their_places() {
             "did you mean `first`?",
         ),
         (push("'picture'"), image.to_owned(), "`picture` is an image: only buffers and"),
-        (push("'b'"), buffer("address = false"), "`b` has no address: it says `address = false`"),
+        (push("'b'"), buffer("address = false"), "`b` has no address: it sets `address = false`"),
         (push("'b', offset = 33"), buffer(""), "offset 33 is past the end of `b`, which has 32 bytes"),
-        (push("'main', offset = 8"), String::new(), "an acceleration structure has no parts"),
+        (
+            push("'main', offset = 8"),
+            String::new(),
+            "the `offset` of an acceleration structure's address must be 0",
+        ),
         (String::new(), buffer("address = 0x20008"), "no multiple of 16"),
         (String::new(), buffer("address = 64"), "too near to the null pointer"),
         (String::new(), buffer("address = 0x20000") + other, "`c`, 32 bytes at 0x20010, overlaps `b`"),
-        (String::new(), buffer("binding = 3"), "is bound nowhere and has no `binding`"),
+        (String::new(), buffer("binding = 3"), "is not bound to a descriptor and has no `binding`"),
         (
             String::new(),
             "[resources.i]\ntype = 'uniform_texel_buffer'\nbinding = 4\ndata = { address_of = 'out' }\n"
                 .to_owned(),
-            "an address is known only in buffers",
+            "addresses are allowed only in buffers",
         ),
     ] {
         let found = error(&push, &more).render();
         assert!(found.contains(wanted) && found.contains("s.toml:"), "{wanted}: {found}");
     }
     let overlap = error("", &(buffer("address = 0x20000") + other)).render();
-    assert!(overlap.contains("the other one"), "{overlap}");
+    assert!(overlap.contains("the other buffer"), "{overlap}");
 }
 
 #[test]

@@ -422,7 +422,7 @@ fn the_command_says_why_it_cannot_stream() {
     assert_eq!(code, Some(5));
     // 16384 * 16384 * 16 bytes.
     assert!(
-        err.contains("[16384, 16384, 1] texels in 1 layers are too many for an image: 4294967296 bytes"),
+        err.contains("[16384, 16384, 1] texels in 1 layers are too large for an image: 4294967296 bytes"),
         "{err}"
     );
     assert!(

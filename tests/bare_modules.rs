@@ -12,11 +12,11 @@ fn a_default_that_is_too_large_names_its_flags() {
     assert_eq!(ran.code, Some(5), "{}", ran.err);
     for part in [
         // 256 invocations in each group, 4 bytes for each.
-        "2048000000 bytes of a buffer are more than the limit `buffer-bytes` of 1073741824",
+        "2048000000 bytes of a buffer exceed the limit `buffer-bytes` of 1073741824",
         "`Outputs` at set 0, binding 1",
         "512000000 invocations of `--groups 2000000`",
-        "`--buffer 0,1=SIZE` gives its size",
-        "`--limit buffer-bytes=N` raises it",
+        "set its size with `--buffer 0,1=SIZE`",
+        "raise it with `--limit buffer-bytes=N`",
     ] {
         assert!(ran.err.contains(part), "`{part}` is missing in {}", ran.err);
     }
@@ -52,9 +52,9 @@ fn what_a_flag_says_is_shown_in_the_flag() {
 fn what_a_module_does_not_use_is_a_note() {
     let plain = anyhit(&["run", SUMS]);
     for (flag, value, note) in [
-        ("--buffer", "7=16", "`--buffer 7=16`: `main` uses nothing at set 0, binding 7"),
-        ("--buffer", "2,1=f32=[1]", "`--buffer 2,1=f32=[1]`: `main` uses nothing at set 2, binding 1"),
-        ("--image", "7=4x4", "`--image 7=4x4`: `main` uses nothing at set 0, binding 7"),
+        ("--buffer", "7=16", "`--buffer 7=16`: `main` does not use set 0, binding 7"),
+        ("--buffer", "2,1=f32=[1]", "`--buffer 2,1=f32=[1]`: `main` does not use set 2, binding 1"),
+        ("--image", "7=4x4", "`--image 7=4x4`: `main` does not use set 0, binding 7"),
         ("--push", "u32 = 3", "`--push u32 = 3`: `main` has no push constants"),
         // VkSpecializationMapEntry: it "does not affect the behavior of the pipeline".
         ("--spec", "3=1", "`--spec 3=1`: the module has no specialization constant 3"),

@@ -393,7 +393,7 @@ fn a_scene_that_shows_nothing_says_how_to_ask() {
     let scene = "shaders/pass/sphere/closest-hit/scene.toml";
     let (code, out, err) = run(&["run", scene]);
     assert_eq!((code, out.as_str()), (Some(0), ""));
-    assert_eq!(err, "it ran; --dump WHAT shows what it left of `outputs`, --stats what was done\n");
+    assert_eq!(err, "done; --dump WHAT prints the content of `outputs`, --stats prints statistics\n");
     let (code, out, err) = run(&["run", scene, "--dump", "outputs=hex"]);
     assert!(code == Some(0) && out.contains("outputs") && err.is_empty(), "{out}{err}");
 }
@@ -433,12 +433,12 @@ fn run_prints_what_shaders_print() {
 fn run_says_what_is_wrong_with_its_arguments() {
     let sums = "spirv-fixtures/pass/compute/prefix-sum/main.comp.spv";
     let mistakes: &[(&[&str], &str)] = &[
-        (&["--groups", "2,x"], "`--groups 2,x`: X, X,Y or X,Y,Z is needed"),
+        (&["--groups", "2,x"], "`--groups 2,x` is not X, X,Y or X,Y,Z"),
         (&["--entry", "mian"], "has no compute entry point `mian`"),
         (&["--buffer", "1={ f31 = 1 }"], "did you mean `f32`?"),
-        (&["--dump", "sums=hx"], "`hx` is none of typed, hex and json"),
+        (&["--dump", "sums=hx"], "`hx` is not typed, hex or json"),
         (&["--dump", "sms"], "`sms` is neither a resource of the scene nor a binding"),
-        (&["--save", "1=a.png"], "this is a buffer"),
+        (&["--save", "1=a.png"], "this is not an image"),
     ];
     for (arguments, expected) in mistakes {
         let (code, out, err) = run(&[&["run", sums], *arguments].concat());
@@ -447,14 +447,14 @@ fn run_says_what_is_wrong_with_its_arguments() {
     }
     let (code, _, err) = run(&["run", GRASS]);
     assert_eq!(code, Some(2));
-    assert!(err.contains("has no compute entry point") && err.contains("needs a scene file"), "{err}");
+    assert!(err.contains("has no compute entry point") && err.contains("requires a scene file"), "{err}");
 }
 
 #[test]
 fn a_picture_is_written_as_its_extension_says() {
     let folder = tempfile::tempdir().expect("a folder");
     let exr = if cfg!(feature = "exr") { (0, "") } else { (4, "neither reads nor writes OpenEXR") };
-    let refused = "a picture is written as .png, .exr or .raw, and `";
+    let refused = "does not end in .png, .exr or .raw";
     for (name, (wanted, told), head) in [
         ("out.exr", exr, &b"\x76\x2f\x31\x01"[..]),
         ("out.bmp", (2, refused), b""),
@@ -603,11 +603,11 @@ fn stats_tell_of_structures_that_a_few_rays_look_through() {
         out.lines().find(|line| line.starts_with("structures")).expect("a line").to_owned()
     };
     let line = |trees: &str| {
-        format!("structures                1 of 1, met by rays, were built, {trees} (linear swept spheres)")
+        format!("structures                1 of 1 were reached by rays and built, {trees} (linear swept spheres)")
     };
     // The first four rays that reach more than 512 primitives look through a list of them.
     let (list, tree) =
-        (line("0 of them with a tree and 1 as a list for a few rays"), line("1 of them with a tree"));
+        (line("0 with a tree, 1 as a list for a few rays"), line("1 with a tree"));
     assert_eq!([structures(513, 1), structures(513, 4)], [list.clone(), list]);
     assert_eq!([structures(513, 5), structures(512, 1)], [tree.clone(), tree]);
 }
@@ -861,7 +861,11 @@ fn a_file_of_another_kind_is_named() {
     for command in ["test", "render", "trace-one-ray"] {
         let (code, out, err) = run(&[command, MODULE]);
         let text = format!("{out}{err}");
-        assert_eq!((code, text.contains("it is a SPIR-V module, and a scene")), (Some(2), true), "{text}");
+        assert_eq!(
+            (code, text.contains("the file is a SPIR-V module, expected a scene")),
+            (Some(2), true),
+            "{text}"
+        );
         assert!(text.contains("anyhit scene --init MODULE"), "{text}");
     }
     let renamed = scratch(
@@ -869,7 +873,7 @@ fn a_file_of_another_kind_is_named() {
         &std::fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join(MODULE)).expect("a module"),
     );
     let (code, _, err) = run(&["run", renamed.to_str().expect("UTF-8")]);
-    assert_eq!((code, err.contains("it is a SPIR-V module")), (Some(2), true), "{err}");
+    assert_eq!((code, err.contains("the file is a SPIR-V module")), (Some(2), true), "{err}");
 }
 
 #[test]

@@ -105,7 +105,7 @@ fn from_ray_generation_into_any_hit_and_closest_hit_and_back_to_who_wrote() {
             "who payload.colour\n",
             "payload.colour = vec3(0, 0, 0)\n",
             "main.rgen:17",
-            "the start of history",
+            "the start of the run",
         ],
     );
 }
@@ -129,7 +129,7 @@ fn slang_is_debugged_by_its_own_names() {
             // Slang keeps what it passes in variables of its own, and notes no value of the
             // source's.
             "up\n",
-            "payload = <optimized out: the compiler notes no value for it here>\n",
+            "payload = <optimized out: the compiler records no value for it here>\n",
         ],
     );
 }
@@ -264,11 +264,11 @@ fn a_shader_test_is_debugged() -> anyhit::Result<()> {
             "gl_HitTEXT = float 3.5\n",
             "normal: vec3(0, 0, 1)",
             "t: float 3.5",
-            "the end: everything has run\n",
+            "the end of the run\n",
         ],
     );
     let error = test.debug("print 1\nfrob").unwrap_err();
-    let expected = "line 2 of the script failed: `frob`: there is no command `frob`; `help` lists them";
+    let expected = "line 2 of the script failed: `frob`: unknown command `frob`; `help` lists all commands";
     assert_eq!(error.message(), expected);
     Ok(())
 }
@@ -312,11 +312,11 @@ fn values_are_told_apart_from_what_nobody_wrote() {
              Light { colour: vec3(1, 3, 5), size: vec2(0, 0) }\n",
             " -> Light { colour: vec3(1, 3, 5), size: vec2(4, 8) }\n",
             "who light\n",
-            "the step that is next writes light = Light { colour: vec3(1, 3, 5), size: vec2(4, 8) }\n",
+            "the next step writes light = Light { colour: vec3(1, 3, 5), size: vec2(4, 8) }\n",
             "main.rgen:34",
             "set late = 7\nlate = float 7\n",
             "sum = float 11\n",
-            "the step that is next writes sum = float 11\n",
+            "the next step writes sum = float 11\n",
             "main.rgen:35",
             "who late\nlate was set by you at step ",
             "main.rgen:35",
@@ -342,7 +342,7 @@ fn conditions_of_a_traversal_are_about_its_events() {
             "breakpoint 1\n",
             "> instance 0, geometry 0, primitive 1: candidate at t 4.5\n",
             "continue\n",
-            "printed: the condition of breakpoint 3: column 1: `hair` is not told here: the event tells \
+            "printed: the condition of breakpoint 3: column 1: the event has no `hair`; it has \
              instance, geometry, primitive, t, u, v, kind\n",
             "> instance 0, geometry 0, primitive 0: candidate at t 2.5\n",
         ],
@@ -367,25 +367,25 @@ fn mistakes_are_explained() {
     let scene = ["shaders/pass/debugger/hair/scene.toml".to_owned()];
     for (command, answer) in [
         ("jump", "there is no command `jump`"),
-        ("break 1000", "no code of `shaders/pass/debugger/hair/main.rgen` is on line 1000 or after it"),
+        ("break 1000", "`shaders/pass/debugger/hair/main.rgen` has no code at or after line 1000"),
         ("break nothing", "no function is called `nothing`"),
-        ("break OpFrob", "`OpFrob` is no opcode of SPIR-V"),
-        ("break other.rgen:3", "no shader comes from `other.rgen`; the sources are "),
+        ("break OpFrob", "`OpFrob` is not a SPIR-V opcode"),
+        ("break other.rgen:3", "no shader was compiled from `other.rgen`; the sources are "),
         ("break", "a place is missing"),
-        ("break primitive=x", "`x` is no index"),
-        ("break verdict=gone", "`gone` is no verdict; they are entered, "),
+        ("break primitive=x", "`x` is not an index"),
+        ("break verdict=gone", "`gone` is not a verdict; the verdicts are entered, "),
         ("print nomral", "no variable `nomral` here"),
         ("print 1 +", "column 4"),
         ("set origin", "`set NAME = EXPRESSION` sets a variable"),
         ("set 1 = 2", "can be set"),
-        ("frame 9", "there are 1 frames, counted from 0"),
+        ("frame 9", "the stack has 1 frames, numbered from 0"),
         ("up", "this is the outermost frame"),
-        ("goto soon", "`soon` is no step number"),
-        ("delete 4", "there is no breakpoint 4"),
-        ("watch 1 + 1", "it lies nowhere"),
+        ("goto soon", "`soon` is not a step number"),
+        ("delete 4", "breakpoint 4 does not exist"),
+        ("watch 1 + 1", "has no location"),
         ("locals now", "`locals` takes no argument: `now`"),
         ("finish 2", "`finish` takes no argument: `2`"),
-        ("step many", "`many` is no number of times"),
+        ("step many", "`many` is not a count"),
     ] {
         let (text, errors) = run(&scene, &format!("{command}\nwhere\n"));
         assert!(text.contains(answer), "`{command}` is answered:\n{text}");

@@ -93,8 +93,8 @@ fn writes_through_an_index_are_found() {
     tells(
         &session(WRITES, commands),
         &[
-            "the step that is next writes array[1] = float 5\nmain at shaders/pass/debugger/writes/main.comp:24 ",
-            "the step that is next writes vector.y = float 6\nmain at shaders/pass/debugger/writes/main.comp:25 ",
+            "the next step writes array[1] = float 5\nmain at shaders/pass/debugger/writes/main.comp:24 ",
+            "the next step writes vector.y = float 6\nmain at shaders/pass/debugger/writes/main.comp:25 ",
             "writes vector = vec4(0, 6, 0, 0)\nmain at shaders/pass/debugger/writes/main.comp:25 ",
             "writes matrix[1][0] = float 7\nmain at shaders/pass/debugger/writes/main.comp:26 ",
             // Component 0 is not written by line 25.
@@ -150,7 +150,7 @@ fn the_payload_of_an_entry_point_is_the_one_that_it_is_given() {
             "printed: (1, 2, 3) by 2\n",
             "rchit at shaders/pass/debugger/one-name/all.slang:35 ",
             "p.colour = vec3(2, 4, 6)\n",
-            "the step that is next writes p.colour = vec3(2, 4, 6)\n",
+            "the next step writes p.colour = vec3(2, 4, 6)\n",
             "rchit at shaders/pass/debugger/one-name/all.slang:34 ",
             "p.depth = uint 1\n",
             // No second ray: the sky is not seen.

@@ -115,7 +115,7 @@ fn a_power_of_a_negative_number() {
     tells(
         &transcript("bug-negative-pow"),
         &[
-            "nan\nthe step before made the first NaN\n",
+            "nan\nthe previous step produced the first NaN\n",
             "highlight at shaders/debugging/negative-pow/ball.rchit:12",
             "mirrored = vec3(0, 0, 1)\n",
             "to_lamp = vec3(0, 0.6, -0.8)\n",

@@ -72,14 +72,14 @@ fn ranges_that_are_none() {
         (
             "offset = 6",
             "s.toml:9:10",
-            "6 is no multiple of 4 bytes",
+            "6 is not a multiple of 4 bytes",
             "minStorageBufferOffsetAlignment".into(),
         ),
-        ("range = 0", "s.toml:9:9", "a range of no bytes", rule("range-00341")),
+        ("range = 0", "s.toml:9:9", "the range is empty", rule("range-00341")),
         (
             "offset = 48\nrange = 17",
             "s.toml:10:9",
-            "17 bytes at offset 48 go past the end of `arena`, which has 64 bytes",
+            "17 bytes at offset 48 extend past the end of `arena`, which has 64 bytes",
             rule("range-00342"),
         ),
         ("data = { u32 = 1 }", "s.toml:9:8", "a view has no `data`", String::new()),
@@ -103,7 +103,7 @@ fn ranges_that_are_none() {
     one_mistake(
         &of_view,
         "s.toml:13:10",
-        &["`lights` is a view of `arena` itself", "name `arena`, from whose beginning"],
+        &["`lights` is itself a view of `arena`", "name `arena`, from whose beginning"],
     );
     one_mistake(
         "[resources.a]\ntype = 'storage_buffer'\nbinding = 0\nsize = 8\noffset = 4\n",
@@ -126,7 +126,7 @@ fn dynamic_offsets_are_added() {
         &dynamic("offset = 8\nrange = 16\ndynamic_offset = 44"),
         "s.toml:11:18",
         &[
-            "16 bytes at offset 8 + 44 = 52 go past the end of `arena`, which has 64 bytes",
+            "16 bytes at offset 8 + 44 = 52 extend past the end of `arena`, which has 64 bytes",
             "VUID-vkCmdBindDescriptorSets-pDescriptorSets-01979",
         ],
     );
@@ -134,14 +134,14 @@ fn dynamic_offsets_are_added() {
         &dynamic("offset = 8\ndynamic_offset = 4"),
         "s.toml:10:18",
         &[
-            "without a `range` the range is the rest of the buffer",
+            "a nonzero `dynamic_offset` requires a `range`",
             "VUID-vkCmdBindDescriptorSets-pDescriptorSets-06715",
         ],
     );
     one_mistake(
         "[resources.a]\ntype = 'uniform_buffer_dynamic'\nbinding = 0\nsize = 8\n",
         "s.toml:2:1",
-        &["a dynamic descriptor is of a range of another resource"],
+        &["a dynamic descriptor refers to a range of another buffer"],
     );
 }
 
@@ -175,12 +175,12 @@ fn one_image_has_one_format() {
     one_mistake(
         &view("storage_image", "image = 'hdr'\nformat = 'r32ui'"),
         "s.toml:10:10",
-        &["`hdr` has the format `rgba16f`, and so have its views"],
+        &["the view's format differs from the format `rgba16f` of `hdr`"],
     );
     one_mistake(
         &view("storage_buffer", "buffer = 'hdr'"),
         "s.toml:9:10",
-        &["`hdr` is an image: this is a view of a buffer"],
+        &["`hdr` is an image, but this is a view of a buffer"],
     );
     one_mistake(
         &view("storage_image", "image = 'hdr'\nsize = [4, 4]"),
@@ -195,7 +195,7 @@ fn one_image_has_one_format() {
     one_mistake(
         &(again("arena") + ARENA),
         "s.toml:10:10",
-        &["`arena` is a buffer: this is a view of another texel buffer"],
+        &["`arena` is a buffer, but this is a view of another texel buffer"],
     );
 }
 
@@ -215,8 +215,12 @@ fn elements_of_an_array_are_listed() {
     });
     let wanted = [None, Some((4, false)), Some((8, false)), Some((0, true)), Some((4, false))];
     assert_eq!(sizes.collect::<Vec<_>>(), wanted);
-    one_mistake(&array("[]"), "s.toml:6:12", &["an array of descriptors has at least one element"]);
-    one_mistake(&array("{ size = 4 }"), "s.toml:6:12", &["expected an array with a table for each element"]);
+    one_mistake(&array("[]"), "s.toml:6:12", &["an array of descriptors must have at least one element"]);
+    one_mistake(
+        &array("{ size = 4 }"),
+        "s.toml:6:12",
+        &["expected an array of tables, one for each element"],
+    );
     one_mistake(
         &array("[{ size = 4 }, { size = 4, offset = 8 }]"),
         "s.toml:6",
@@ -232,7 +236,7 @@ fn elements_of_an_array_are_listed() {
     one_mistake(
         "[resources.b]\ntype = 'storage_buffer'\nbinding = 3\nelement = 1048575\nelements = [{ size = 4 }, { size = 4 }]\n",
         "s.toml:2:12",
-        &["an array of descriptors has at most 1048576 elements"],
+        &["an array of descriptors must have at most 1048576 elements"],
     );
 }
 
@@ -247,7 +251,7 @@ fn what_nothing_is_bound_to_is_told_when_it_is_read_and_when_it_is_accessed() {
         "s.toml: the scene binds nothing to `structure` (set 0, binding 0, acceleration_structure); ",
         "(set 0, binding 2, storage_buffer); ",
         "`textures` (set 0, binding 6, combined_image_sampler)",
-        "an access there traps, unless [pipeline] has `unbound = \"zeros\"`",
+        "an access traps unless [pipeline] sets `unbound = \"zeros\"`",
     ] {
         assert!(note.contains(words), "no `{words}` in {note}");
     }

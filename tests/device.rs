@@ -126,7 +126,7 @@ fn null_descriptors_and_motion_need_their_features() {
     }
     let image = "[resources.none]\ntype = 'storage_image'\nbinding = 99\nnull = true";
     let found = refused(image, "").unwrap_or_default();
-    assert!(found.contains("only buffers and acceleration structures may be null"), "{found}");
+    assert!(found.contains("only buffers and acceleration structures can be null"), "{found}");
     assert!(found.contains("scene.toml:6:8"), "{found}");
 }
 

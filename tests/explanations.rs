@@ -225,7 +225,7 @@ fn the_any_hit_shader_that_decided_shows_its_lines_and_the_hints_stand_above() {
     holds(
         &text,
         &[
-            "hint     ray at depth 1: it misses as any-hit ignored its 1 candidate",
+            "hint     ray at depth 1: it misses because any-hit shaders ignored its 1 candidate",
             "7  float sum = at.x;",
             "8  sum += at.y;",
             "sum = float 0.75",
@@ -236,11 +236,11 @@ fn the_any_hit_shader_that_decided_shows_its_lines_and_the_hints_stand_above() {
     let text = leaf("two-lines", "origin = [0, 0, 3]\nexpect = { t = 3 }", &["--explain-lines", "2"]);
     holds(
         &text,
-        &["lines that ran\n", "2 lines before these", "9  if (sum > 0.6)", "10  ignoreIntersectionEXT;"],
+        &["executed lines\n", "2 lines before these", "9  if (sum > 0.6)", "10  ignoreIntersectionEXT;"],
     );
     assert!(!text.contains("7  float sum"), "{text}");
     let text = leaf("no-lines", "origin = [0, 0, 3]\nexpect = { t = 3 }", &["--explain-lines", "0"]);
-    assert!(!text.contains("lines that ran") && text.contains("hint     ray at depth 1"), "{text}");
+    assert!(!text.contains("executed lines") && text.contains("hint     ray at depth 1"), "{text}");
     let text = leaf("unexplained", "origin = [0, 0, 3]\nexpect = { t = 3 }", &["--no-explanation"]);
     assert!(!text.contains("hint") && text.contains("see also: anyhit trace-one-ray"), "{text}");
     // Where it is accepted, the lines that led there.
@@ -444,7 +444,7 @@ fn assertions_of_rust_show_the_lines_that_decided() -> anyhit::Result<()> {
     holds(
         &text,
         &[
-            "lines that ran",
+            "executed lines",
             "shaders/pass/testing/leaves/hole.rahit",
             "if (gl_PrimitiveID == 0) {",
             "ignoreIntersectionEXT;",
@@ -453,7 +453,7 @@ fn assertions_of_rust_show_the_lines_that_decided() -> anyhit::Result<()> {
     // Up to the hole alone, at t 3.
     let ray = Ray { t_max: 3.5, ..Ray::new([0.0, 0.0, 4.0], [0.0, 0.0, -1.0]) };
     let text = pipeline.trace(&scene, ray)?.explain();
-    holds(&text, &["hint  ray at depth 1: it misses as any-hit ignored its 1 candidate"]);
+    holds(&text, &["hint  ray at depth 1: it misses because any-hit shaders ignored its 1 candidate"]);
     Ok(())
 }
 

@@ -486,7 +486,7 @@ fn each_limit_is_told_by_name_and_can_be_raised() {
     };
     let error = compute(100).expect_err("the limit holds");
     assert_eq!(error.kind(), ErrorKind::UnsupportedModule);
-    assert!(error.render().contains("`--limit workgroup-registers=N` raises it"), "{error}");
+    assert!(error.render().contains("raise it with `--limit workgroup-registers=N`"), "{error}");
     compute(1000).expect("a raised limit lets it pass");
 }
 

@@ -221,7 +221,7 @@ fn numbers_that_no_geometry_has() {
 fn sizes_that_no_memory_has() {
     let mut buffers = DeviceBuffers::new();
     invalid(buffers.reserve("huge", usize::MAX), "`buffer-bytes`");
-    refused(Image::plane(Format::RGBA32F, 0, 1), ErrorKind::InvalidImage, "without texels");
+    refused(Image::plane(Format::RGBA32F, 0, 1), ErrorKind::InvalidImage, "has no texels");
     let most = ImageShape::plane(u32::MAX, u32::MAX);
     refused(Image::zeroed(Format::RGBA32F, most), ErrorKind::InvalidImage, "no memory");
     let image = Image::plane(Format::RGBA32F, 2, 1).unwrap();

@@ -148,7 +148,7 @@ fn mistakes_are_told() {
     for (scene, words) in [
         (format!("{PASSES}{OUT}{A}{}", c("")), "two resources at set 0, binding 1"),
         (format!("{PASSES}{OUT}{A}{}", c("passes = 'none'\n")), "the scene has no pass `none`"),
-        (format!("{PASSES}{OUT}{A}{B}{}", c("passes = 7\n")), "the passes are: 0, 1"),
+        (format!("{PASSES}{OUT}{A}{B}{}", c("passes = 7\n")), "passes: 0, 1"),
         (format!("{PASSES}{OUT}{A}{}", c("pipelines = 'ao'\n")), "no pipeline is named `ao`"),
         (
             format!("{PASSES}{OUT}{}{}", c("passes = [0, 1]\n"), A.to_owned() + "passes = 0\n"),
@@ -160,10 +160,10 @@ fn mistakes_are_told() {
             "declares `b` (set 0, binding 1) as `sampled_image`",
         ),
         // No shader declares an image there.
-        (format!("[[pass]]\nshader = 'buffer'\n{OUT}{A}{B}"), "no pass finds this one"),
+        (format!("[[pass]]\nshader = 'buffer'\n{OUT}{A}{B}"), "no pass uses this one"),
         (
             format!("{PASSES}{OUT}{A}{B}[resources.e]\ntype = 'buffer'\nsize = 4\npasses = 0\n"),
-            "a `buffer` is bound nowhere and has no `passes`",
+            "a `buffer` is not bound to a descriptor and has no `passes`",
         ),
     ] {
         let error = out(&scene).expect_err(&scene).render();

@@ -42,7 +42,7 @@ fn each_pass_leaves_what_the_next_one_finds() -> Result<()> {
     assert_eq!(scene.launch_pass("2")?.read_buffer::<u32>("result")?, [0; 4]);
     let error = scene.launch_pass("oa").unwrap_err();
     assert_eq!(error.message(), "the scene has no pass `oa`");
-    assert!(error.render().contains("the passes are: 0 `primary`, 1 `ao`, 2 `tonemap`"), "{error:?}");
+    assert!(error.render().contains("passes: 0 `primary`, 1 `ao`, 2 `tonemap`"), "{error:?}");
     Ok(())
 }
 
@@ -103,12 +103,12 @@ fn rays_and_pixels_are_explained_in_their_pass() -> Result<()> {
     let first = scene.explain(ExplainRequest::Pixel([0, 0, 0]))?;
     assert!(first.contains("pass primary") && first.contains("depth.rchit"), "{first}");
     let error = scene.explain(ExplainRequest::InPass("tonemap".into(), pixel())).unwrap_err();
-    assert_eq!(error.message(), "pass `tonemap` dispatches a compute shader: it is no launch");
+    assert_eq!(error.message(), "pass `tonemap` is a dispatch of a compute shader, not a launch");
     let invocation = ExplainRequest::Invocation { dispatch: 0, id: [1, 0, 0] };
     let told = scene.explain(ExplainRequest::InPass("2".into(), Box::new(invocation.clone())))?;
     assert!(told.contains("pass tonemap, invocation (1, 0, 0) of dispatch 0"), "{told}");
     let error = scene.explain(ExplainRequest::InPass("ao".into(), Box::new(invocation))).unwrap_err();
-    assert_eq!(error.message(), "pass `ao` launches a pipeline: it is no dispatch");
+    assert_eq!(error.message(), "pass `ao` is a launch, not a dispatch");
     Ok(())
 }
 

@@ -280,7 +280,7 @@ fn panics_of_our_own_are_no_errors_of_a_file() {
     let begin = note.find('`').expect("a place") + 1;
     let refused = |place: &str| {
         let error =
-            Error::new(ErrorKind::InvalidMesh, "x").note(format!("{}{place}` relies on", &note[..begin]));
+            Error::new(ErrorKind::InvalidMesh, "x").note(format!("{}{place}`", &note[..begin]));
         catch_unwind(|| subjects::refused(&error))
     };
     let absolute = subjects::root().join("src/scene/mesh/gltf.rs:7:9");

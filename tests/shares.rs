@@ -172,10 +172,10 @@ fn a_repeated_share_counts_once_and_other_files_are_refused() {
     assert_eq!(anyhit(&["merge"]).code, Some(2));
     let partial = merge(&files[..1], &["--partial"]);
     assert_eq!(partial.code, Some(0), "{}", partial.err);
-    assert!(partial.err.contains("share 2 of 2 is missing: the report is of the others"), "{}", partial.err);
+    assert!(partial.err.contains("share 2 of 2 is missing: the report covers only the others"), "{}", partial.err);
     for (flags, words) in [
         (&["--coverage", "x.lcov"][..], "the shares recorded no coverage"),
-        (&["-o", "x.png"], "`--output` is for results of `anyhit render`"),
+        (&["-o", "x.png"], "`--output` applies to results of `anyhit render`"),
     ] {
         let ran = merge(&files, flags);
         assert!(ran.code == Some(2) && ran.err.contains(words), "{}", ran.err);
@@ -293,10 +293,10 @@ fn merged_stress_runs_are_those_of_one_run() {
     assert!(told.starts_with("seeds 3 to 4, "), "{told}");
     assert_eq!(told.matches("\nsaved as ").count(), 10, "the first ten are told: {told}");
     for (flags, words) in [
-        (&["--shard", "1/2"][..], "need `--cases N`"),
-        (&["--seed-range", "1..3", "--rays", "5"], "need `--cases N`"),
+        (&["--shard", "1/2"][..], "require `--cases N`"),
+        (&["--seed-range", "1..3", "--rays", "5"], "require `--cases N`"),
         (&["--cases", "5", "--rays", "5"], "cannot be used with"),
-        (&["scenes/swept-spheres.toml", "--cases", "5"], "over a scene, rays are drawn"),
+        (&["scenes/swept-spheres.toml", "--cases", "5"], "cannot be used with a scene file"),
     ] {
         let ran = anyhit(&[&["stress"], flags].concat());
         assert!(ran.code == Some(2) && ran.err.contains(words), "{flags:?}: {}", ran.err);
@@ -404,14 +404,14 @@ fn a_picture_that_cannot_be_shared_says_why() {
     let shard = ["--shard", "1/2", "--result", &file];
     let ran = anyhit(&[&["render", "shaders/pass/frames/ping-pong/scene.toml"], &shard[..]].concat());
     assert_eq!(ran.code, Some(2), "{}", ran.err);
-    let told = "the picture cannot be shared by rows: the scene runs more than one launch";
+    let told = "the picture cannot be divided into shares of rows: the scene runs more than one launch";
     assert!(ran.err.contains(told), "{}", ran.err);
     let scene = ["render", "scenes/swept-spheres.toml"];
     for (flags, words) in [
-        (&["--shard", "1/2"][..], "needs `--result FILE`"),
+        (&["--shard", "1/2"][..], "requires `--result FILE`"),
         (&["--result", &file, "-o", "x.png"], "`anyhit merge FILE... -o PICTURE`"),
-        (&["--result", &file, "--stats"], "`--stats` counts a whole launch"),
-        (&["--result", &file, "--heat", "instructions"], "count one run"),
+        (&["--result", &file, "--stats"], "`--stats` requires a whole launch"),
+        (&["--result", &file, "--heat", "instructions"], "`--html` cannot be used with"),
     ] {
         let ran = anyhit(&[&scene[..], flags].concat());
         assert!(ran.code == Some(2) && ran.err.contains(words), "{flags:?}: {}", ran.err);

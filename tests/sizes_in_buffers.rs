@@ -126,8 +126,8 @@ fn mistakes_are_told() {
     for (groups, words) in [
         ("{ buffer = 'sizes', offset = 2 }", "VUID-vkCmdDispatchIndirect-offset-02710"),
         ("{ buffer = 'sizes', offset = 24 }", "VUID-vkCmdDispatchIndirect-offset-00407"),
-        ("{ buffer = 'view', offset = 20 }", "goes past the end of `view`, which has 28 bytes"),
-        ("{ buffer = 'apart', offset = 8 }", "goes past the end of `apart`"),
+        ("{ buffer = 'view', offset = 20 }", "extends past the end of `view`, which has 28 bytes"),
+        ("{ buffer = 'apart', offset = 8 }", "extends past the end of `apart`"),
         ("{ buffer = 'none' }", "no resource is named `none`"),
         ("{ offset = 4 }", "`buffer` is missing"),
         ("{ buffer = 'sizes', size = 4 }", "unknown key `size`"),

@@ -484,12 +484,12 @@ fn the_command_tells_what_was_elided() {
     let text = String::from_utf8_lossy(&output.stdout);
     assert!(output.status.success(), "{text}");
     for words in [
-        "met by rays, were built",
+        "were reached by rays and built",
         // Grass and chains, spheres, the ground; the scene has no box.
         "(linear swept spheres, spheres, triangles)",
         "instances",
-        "occlusion rays that ended at whatever hit came first",
-        "which no output reads",
+        "occlusion rays that ended at the first hit found",
+        "that no output depends on",
     ] {
         assert!(text.contains(words), "{words}: {text}");
     }

@@ -227,7 +227,7 @@ const AT_D: &[(&str, &str)] = &[
     ("materials[1].frame[1]", "vec3(4, 5, 6)"),
     ("items.length()", "int 4"),
     ("items[2] + items[3]", "float 25"),
-    ("items[4]", "column 6: 4 is outside of the 4 elements of float[]"),
+    ("items[4]", "column 6: 4 is outside the 4 elements of float[]"),
     ("constants.count", "uint 9"),
     ("constants.head.value", "vec4(0, 1, 2, 3)"),
     ("constants.head->next->value.w", "float 7"),
@@ -296,7 +296,7 @@ fn variables_and_memory_are_set() {
         ("normal", "vec2(1)", "column 1: vec2 is no vec3"),
         ("samples", "1", "column 1: it is a value, not a variable: the compiler may have used it already"),
         ("gl_LocalInvocationIndex", "1", "column 1: `gl_LocalInvocationIndex` is an input of the shader"),
-        ("items[9]", "1", "column 6: 9 is outside of the 4 elements of float[]"),
+        ("items[9]", "1", "column 6: 9 is outside the 4 elements of float[]"),
     ];
     for (target, value, message) in refused {
         assert_eq!(stopped.set(target, value), Err(message.to_owned()), "{target} = {value}");

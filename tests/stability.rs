@@ -242,7 +242,7 @@ fn a_suite_is_held_to_stable_outputs_where_asked() {
     let cases = ["unstable-branch", "query", "stable-branch", "recentred"];
     assert_eq!(cases.map(word), ["FAILED", "FAILED", "ok", "ok"]);
     assert!(told.contains("not stable: branch at main.rchit:12"), "{told}");
-    assert!(told.contains("held to stable outputs: 5 of 5 tests, 8 runs"), "{told}");
+    assert!(told.contains("required to have stable outputs: 5 of 5 tests, 8 runs"), "{told}");
 }
 
 /// What a binding stores has its shadow where another binding of the buffer loads it.

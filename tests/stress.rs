@@ -59,7 +59,7 @@ fn the_command_judges_a_scene() {
     };
     let ran = run("scenes/swept-spheres.toml");
     let text = String::from_utf8_lossy(&ran.stdout);
-    let told = "\n0 wrong answers, judged by BVHs of obvhs over the same primitives\n";
+    let told = "\n0 wrong answers, compared with BVHs that obvhs builds of the same primitives\n";
     assert!(ran.status.success() && text.ends_with(told), "{text}");
     for other in ["scenes/none.toml", "shaders/pass/matrices/products/scene.toml"] {
         assert_eq!(run(other).status.code(), Some(2), "{other}");

@@ -259,7 +259,7 @@ fn matrices_that_slang_stores_as_arrays_are_written_by_rows() {
     assert_eq!(bytes(text), words(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0].map(bits).repeat(2)));
     let report = scene("data = { struct = 'Bones', value = { a = [[1, 2], [3, 4]] } }").unwrap_err().render();
     assert!(report.contains("`a[0]` is"), "{report}");
-    assert!(report.contains("3 elements are needed, 2 are given"), "{report}");
+    assert!(report.contains("expected 3 elements, found 2"), "{report}");
 }
 
 /// Shaders declare as much of the push constants as they use.
@@ -297,7 +297,7 @@ fn pieces_of_data_stand_for_members() {
     assert_eq!(found[96..], words(&[7.0, 8.0].map(bits)));
     refused(
         "data = { struct = 'Sun', value = { direction = { f32 = [1, 2] }, power = 1 } }",
-        &["`direction` is vec3 of 12 bytes, and the piece has 8", "s.toml:9:"],
+        &["`direction` is vec3 of 12 bytes, but the piece has 8", "s.toml:9:"],
     );
 }
 
@@ -317,7 +317,7 @@ fn members_hold_addresses() {
     );
     refused(
         "data = { struct = 'Sun', rest = 'zeros', value = { power = { address_of = 'data' } } }",
-        &["`power` is float of 4 bytes, and the piece has 8"],
+        &["`power` is float of 4 bytes, but the piece has 8"],
     );
 }
 
@@ -356,11 +356,11 @@ fn mistakes_show_the_layout() {
     let sun = |value: &str| format!("data = {{ struct = 'Sun', value = {{ {value} }} }}");
     let layout = ["struct Sun: 16 bytes", "    0  vec3 direction", "   12  float power", "s.toml:9:"];
     for (value, message) in [
-        ("direction = [1, 2, 3]", "no value is given to `power`"),
-        ("direction = [1, 2, 3]", "give them, or write `rest = \"zeros\"`"),
+        ("direction = [1, 2, 3]", "missing value for `power`"),
+        ("direction = [1, 2, 3]", "add them, or write `rest = \"zeros\"`"),
         ("direction = [1, 2, 3], powr = 1", "struct Sun has no member `powr`"),
         ("direction = [1, 2, 3], powr = 1", "did you mean `power`?"),
-        ("direction = [1, 2], power = 1", "`direction` is vec3: 3 elements are needed, 2 are given"),
+        ("direction = [1, 2], power = 1", "`direction` is vec3: expected 3 elements, found 2"),
         ("direction = 1, power = 1", "`direction` is vec3: an array is needed, an integer is given"),
         ("direction = [1, 2, 3], power = 'x'", "`power` is float: a number is needed, a string is given"),
         ("direction = [1, 2, 3], power = 1e39", "`1e39` is beyond the range of f32"),
@@ -369,12 +369,12 @@ fn mistakes_show_the_layout() {
     }
     for (value, message) in [
         ("useSky = -1", "uint goes from 0 to 4294967295"),
-        ("useSky = 0.5", "`useSky` is uint: a whole number is needed, a float is given"),
+        ("useSky = 0.5", "`useSky` is uint: expected an integer, found a float"),
         ("instances = 'x'", "`{ address_of = \"BUFFER\" }` or a number is needed"),
         ("flat = 3", "`flat` is mat2x3: an array of its columns is needed"),
-        ("flat = [[1, 2, 3]]", "`flat` is mat2x3: 2 elements are needed, 1 are given"),
-        ("flat = [[1, 2], [1, 2, 3]]", "`flat[0]` is vec3: 3 elements are needed, 2 are given"),
-        ("weights = [1, 2, 3]", "2 elements are needed, 3 are given"),
+        ("flat = [[1, 2, 3]]", "`flat` is mat2x3: expected 2 elements, found 1"),
+        ("flat = [[1, 2], [1, 2, 3]]", "`flat[0]` is vec3: expected 3 elements, found 2"),
+        ("weights = [1, 2, 3]", "expected 2 elements, found 3"),
         ("sun = 3", "`sun` is struct Sun: a table of its members is needed"),
         (
             "sun = { power = true, direction = [0, 0, 0] }",
@@ -385,18 +385,18 @@ fn mistakes_show_the_layout() {
         refused(&text, &[message, "s.toml:9:", "struct SceneInfo_natural: 104 bytes"]);
     }
     refused("data = { struct = 'SceneInfo', value = { weights = [1] } }", &["`weights[1]`", "`sun`"]);
-    refused("data = { struct = 'Sun' }", &["a struct needs its `value`"]);
+    refused("data = { struct = 'Sun' }", &["a struct needs a `value`"]);
     refused(
         "data = { struct = 'Sun', shader = 'rgem', value = {} }",
         &["no shader is named `rgem`", "`rgen`?"],
     );
     refused("data = { struct = 'Sun', value = {}, rest = 'ones' }", &["`ones`", "one of: zeros"]);
-    refused("data = { struct = 'Sun', value = [{}], rest = 'zeros' }", &["give the `stride`"]);
+    refused("data = { struct = 'Sun', value = [{}], rest = 'zeros' }", &["set `stride"]);
     refused(
         "data = { struct = 'Sun', value = [{}], rest = 'zeros', stride = 8 }",
         &["less than the 16 bytes of the struct"],
     );
-    refused("data = [{ u32 = 1 }, { value = {} }]", &["a value needs the name of its `struct`"]);
+    refused("data = [{ u32 = 1 }, { value = {} }]", &["`value` needs the name of a `struct`"]);
 }
 
 #[test]

@@ -195,23 +195,23 @@ fn a_mistake_names_its_tensor() {
         let found = draft.mistake();
         assert!(found.contains(wanted), "no `{wanted}` in:\n{found}");
     };
-    one(&triangle().without("ray.origin"), "there is no tensor `ray.origin`");
-    one(&triangle().without("ray.direction"), "there is no tensor `ray.direction`");
-    one(&triangle().without("geometry0.vertices"), "there is no tensor `geometry0.vertices`");
+    one(&triangle().without("ray.origin"), "the tensor `ray.origin` is missing");
+    one(&triangle().without("ray.direction"), "the tensor `ray.direction` is missing");
+    one(&triangle().without("geometry0.vertices"), "the tensor `geometry0.vertices` is missing");
     one(&triangle().without("driver.t"), "neither `driver.t` nor `reference.t`");
-    one(&spheres().without("geometry0.radii"), "there is no tensor `geometry0.radii`");
-    one(&spheres().without("geometry0.positions"), "there is no tensor `geometry0.positions`");
+    one(&spheres().without("geometry0.radii"), "the tensor `geometry0.radii` is missing");
+    one(&spheres().without("geometry0.positions"), "the tensor `geometry0.positions` is missing");
     one(
         &triangle().f32("ray.direction", &[1, 3], &[0.0; 3]),
-        "`ray.direction` is 1 x 3 of F32: wanted 2 rows",
+        "`ray.direction` is 1 x 3 of F32: expected 2 rows",
     );
-    one(&triangle().f32("ray.origin", &[6], &[0.0; 6]), "`ray.origin` is 6 of F32: wanted rows of 3");
-    one(&triangle().f64("ray.tmin", &[0.5, 0.1]), "`ray.tmin` is 2 of F64: number 1 is 0.1, which no F32 is");
-    one(&triangle().i32("driver.t", &[2], &[1, 2]), "`driver.t` is 2 of I32: wanted F32 or F64");
-    one(&triangle().f32("ray.flags", &[2], &[0.0; 2]), "`ray.flags` is 2 of F32: wanted integers");
+    one(&triangle().f32("ray.origin", &[6], &[0.0; 6]), "`ray.origin` is 6 of F32: expected rows of 3");
+    one(&triangle().f64("ray.tmin", &[0.5, 0.1]), "`ray.tmin` is 2 of F64: number 1 is 0.1, which is not an F32");
+    one(&triangle().i32("driver.t", &[2], &[1, 2]), "`driver.t` is 2 of I32: expected F32 or F64");
+    one(&triangle().f32("ray.flags", &[2], &[0.0; 2]), "`ray.flags` is 2 of F32: expected integers");
     one(&triangle().i32("ray.flags", &[2], &[0, -1]), "number 1 is -1");
     one(&triangle().i32("instance.mask", &[1], &[256]), "`instance.mask` is 1 of I32: number 0 is 256");
-    one(&triangle().f32("instance.object_to_world", &[1, 4, 3], &[0.0; 12]), "wanted I x 3 x 4");
+    one(&triangle().f32("instance.object_to_world", &[1, 4, 3], &[0.0; 12]), "expected I x 3 x 4");
     one(&triangle().f32("instance.object_to_world", &[1, 3, 4], &[0.0; 12]), "the transform is singular");
     one(&triangle().f32("geometry0.vertices", &[3, 5], &[0.0; 15]), "`geometry0.vertices` is 3 x 5");
     one(&triangle().i32("geometry0.indices", &[1, 3], &[0, 1, 3]), "indices[2] names vertex 3 of 3");
@@ -220,10 +220,10 @@ fn a_mistake_names_its_tensor() {
     one(&spheres().f32("driver.position_radius", &[1, 3], &[0.0; 3]), "`driver.position_radius` is 1 x 3");
     let boxes =
         triangle().without("geometry0.vertices").f32("geometry0.aabb", &[1, 6], &[0., 0., 0., 1., 1., 1.]);
-    one(&boxes, "there is no tensor `procedural.sphere`");
+    one(&boxes, "the tensor `procedural.sphere` is missing");
     one(&boxes.f32("procedural.sphere", &[2, 4], &[0.0; 8]), "`procedural.sphere` has 2 rows for 1 boxes");
     let apart = triangle().f32("geometry2.vertices", &[3, 3], &[0.0; 9]);
-    one(&apart, "tensor `geometry2.vertices`, but there is no geometry 1");
+    one(&apart, "tensor `geometry2.vertices` is present, but geometry 1 is missing");
     let bytes = triangle().bytes();
     for cut in [0, 7, 40, bytes.len() - 1] {
         let error = Recording::of(&bytes[..cut]).expect_err("a mistake");
@@ -288,11 +288,11 @@ fn limits_decide_the_exit_code() {
     let broken = broken.to_str().expect("UTF-8");
     let (code, out, err) = verify(&[broken, good]);
     assert_eq!(code, Some(2));
-    assert!(err.contains("verify-broken.safetensors: there is no tensor `ray.origin`"), "{err}");
+    assert!(err.contains("verify-broken.safetensors: the tensor `ray.origin` is missing"), "{err}");
     assert!(out.contains("verify-good"), "the others are compared: {out}");
     assert_eq!(verify(&["no/such/file.safetensors"]).0, Some(2));
     let (code, _, err) = verify(&[concat!(env!("CARGO_MANIFEST_DIR"), "/src/recording")]);
-    assert!(code == Some(2) && err.contains("no `.safetensors` file in this folder"), "{err}");
+    assert!(code == Some(2) && err.contains("the folder contains no `.safetensors` file"), "{err}");
 }
 
 #[test]

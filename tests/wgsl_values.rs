@@ -54,7 +54,7 @@ fn each_variable_takes_a_value_of_its_own_type() -> Result<()> {
 fn mistakes_name_the_members_inside() {
     for (value, words) in [
         ("{ value = { scal = 2, offset = [3, 4] } }", "did you mean `scale`?"),
-        ("{ value = { scale = 2 } }", "no value is given to `offset`"),
+        ("{ value = { scale = 2 } }", "missing value for `offset`"),
         ("{ value = 2 }", "a table of its members is needed"),
     ] {
         let mut all = ALL;

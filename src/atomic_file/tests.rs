@@ -36,11 +36,11 @@ fn what_is_given_up_leaves_the_old_file_and_nothing_else() {
     drop(begun());
     assert_eq!(names(folder.path()), [""; 0]);
     let error = begun().failed(ErrorKind::StorageFull.into());
-    assert_eq!(error.notes(), [format!("{} was not there, and is not", path.display())]);
+    assert_eq!(error.notes(), [format!("{} was not created", path.display())]);
     write_unsynced(&path, "old").unwrap();
     let error = begun().failed(ErrorKind::StorageFull.into());
     assert!(error.message().starts_with(&path.display().to_string()), "{error}");
-    assert_eq!(error.notes(), [format!("{} is as it was before", path.display())]);
+    assert_eq!(error.notes(), [format!("{} is unchanged", path.display())]);
     let panicked = std::thread::spawn({
         let path = path.clone();
         move || {

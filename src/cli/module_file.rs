@@ -121,7 +121,7 @@ mod tests {
     fn an_unknown_extension_lists_the_known_ones() {
         let text = source_text(Path::new("a.shader"), b"void main() {}").unwrap().render();
         assert!(
-            text.contains("the extension says the language, or `--language`: GLSL: .rgen .rint"),
+            text.contains("a source whose language its extension or `--language` names: GLSL: .rgen .rint"),
             "{text}"
         );
         assert!(text.contains("WGSL: .wgsl; Slang: .slang; HLSL: .hlsl"), "{text}");

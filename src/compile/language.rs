@@ -177,13 +177,13 @@ mod tests {
         ] {
             assert_eq!(said(name, stage, path), Ok(expected), "{name:?} {stage:?} {path}");
         }
-        assert!(said(Some(Name::Glsl), None, "a.glsl").unwrap_err().contains("say the `stage`"));
-        assert!(said(None, miss, "a.wgsl").unwrap_err().contains("itself"));
+        assert!(said(Some(Name::Glsl), None, "a.glsl").unwrap_err().contains("set `stage`"));
+        assert!(said(None, miss, "a.wgsl").unwrap_err().contains("remove `stage`"));
     }
 
     #[test]
     fn a_file_of_no_language_tells_how_to_say_it() {
-        assert!(unknown_language("common.glsl").render().contains("which stage a plain .glsl file is of"));
+        assert!(unknown_language("common.glsl").render().contains("for a plain .glsl file, set `stage`"));
         assert!(unknown_language("a.txt").render().contains("`--language`"));
     }
 }

@@ -105,10 +105,10 @@ mod tests {
         assert_eq!(slang.over(&CompileOptions::default()).entry_point, Some(entry));
         assert_eq!(settings("a.spv"), None);
         let wrong = SourceWords { entry: Some("sky".into()), ..SourceWords::default() };
-        assert!(wrong.settings(Path::new("a.rmiss")).unwrap_err().message().contains("Slang and HLSL alone"));
+        assert!(wrong.settings(Path::new("a.rmiss")).unwrap_err().message().contains("only in Slang and HLSL"));
         assert_eq!(wrong.settings(Path::new("a.slang")).unwrap().unwrap().entry_point.unwrap().stage, None);
         let wrong = SourceWords { flags: vec!["-o".into()], ..SourceWords::default() };
         let error = wrong.settings(Path::new("a.slang")).unwrap_err();
-        assert!(error.message().starts_with("a.slang: slangc is not given the flag `-o`"), "{error}");
+        assert!(error.message().starts_with("a.slang: the flag `-o` is not passed on to slangc"), "{error}");
     }
 }

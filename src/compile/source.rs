@@ -350,7 +350,7 @@ mod tests {
             assert_eq!(refused(included, None), (true, None), "{included}");
             let (found, error) = refused(included, root());
             let error = error.expect("an error");
-            assert!(!found && error.contains("own/b.glsl includes what may not be read"), "{error}");
+            assert!(!found && error.contains("own/b.glsl includes a file that must not be read"), "{error}");
             assert!(error.contains("outside the folder") && error.contains("--root"), "{error}");
         }
         let (found, error) = refused("zero.glsl", None);

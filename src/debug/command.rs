@@ -134,7 +134,7 @@ mod tests {
         assert_eq!(invocation("5").unwrap(), [5, 0, 0]);
         assert_eq!(invocation("5,6,7").unwrap(), [5, 6, 7]);
         let error = invocation("1,x").unwrap_err();
-        assert_eq!(error.message(), "`--invocation 1,x` is not X,Y,Z: `x` is not a whole number from 0 on");
+        assert_eq!(error.message(), "`--invocation 1,x` is not X,Y,Z: `x` is not a non-negative integer");
         assert!(invocation("1,2,3,4").is_err() && invocation("").is_err());
     }
 
@@ -144,18 +144,18 @@ mod tests {
         assert_eq!(ray("-1 -2 -3 -4 -5 -6e0").unwrap(), Some([[-1.0, -2.0, -3.0], [-4.0, -5.0, -6.0]]));
         assert_eq!(ray("a chain in the field").unwrap(), None);
         assert_eq!(ray("cap 1").unwrap(), None);
-        assert!(ray("").unwrap_err().message().contains("0 of 6 numbers; origin x is missing"));
+        assert!(ray("").unwrap_err().message().contains("expected 6 numbers, found 0; origin x is missing"));
     }
 
     #[test]
     fn the_wrong_number_of_a_ray_is_named() {
         let message = |text| ray(text).unwrap_err().message().to_owned();
         assert!(message("0,0,5 0,zero,-1").contains("number 5 (direction y) is `zero`"));
-        assert!(message("0,0,5 0,0").contains("5 of 6 numbers; direction z is missing"));
-        assert!(message("0,0,5 0,0,-1 7").contains("7 numbers instead of 6"));
+        assert!(message("0,0,5 0,0").contains("expected 6 numbers, found 5; direction z is missing"));
+        assert!(message("0,0,5 0,0,-1 7").contains("expected 6 numbers, found 7"));
         assert!(message("0,nan,5 0,0,-1").contains("number 2 (origin y) is nan: it must be finite"));
         assert!(message("0,0,1e39 0,0,-1").contains("number 3 (origin z) is 1e39"));
-        assert!(message("0,0,5 0,-0,0").contains("points nowhere"));
+        assert!(message("0,0,5 0,-0,0").contains("the direction is zero"));
     }
 
     #[test]

@@ -84,7 +84,7 @@ mod tests {
         assert_eq!(index(&[4], 0).unwrap(), 4);
         let error = index(&[4], 1).unwrap_err();
         assert_eq!(error.kind(), ErrorKind::InvalidMesh);
-        let words = "the reader `a-reader` cannot read this: index out of bounds: the len is 1";
+        let words = "the reader `a-reader` failed: index out of bounds: the len is 1";
         assert!(error.message().starts_with(words), "{error}");
         assert!(error.notes()[0].contains("contained.rs:"), "{error}");
         // The next one starts anew, and an error stays what it is.
@@ -102,7 +102,7 @@ mod tests {
             let none = [0_u8; 0].first();
             Ok(*none.expect("a number"))
         });
-        assert!(error.unwrap_err().message().contains("`outer` cannot read this: a number"));
+        assert!(error.unwrap_err().message().contains("`outer` failed: a number"));
     }
 
     /// The doors rely on unwinding, which a profile of this package may not take away.

@@ -256,8 +256,9 @@ mod tests {
         let limits = InputLimits::default();
         assert!(limits.check(InputLimit::SceneFiles, 64, ErrorKind::InvalidScene).is_ok());
         let error = limits.check(InputLimit::SceneFiles, 65, ErrorKind::InvalidScene).unwrap_err();
-        assert_eq!(error.message(), "65 files of one scene are more than the limit `scene-files` of 64");
-        assert_eq!(error.notes(), ["`--limit scene-files=N` raises it, in Rust `InputLimits::with`"]);
+        assert_eq!(error.message(), "65 files of one scene exceed the limit `scene-files` of 64");
+        let help = "help: raise it with `--limit scene-files=N`, or in Rust with `InputLimits::with`";
+        assert_eq!(error.notes(), [help]);
     }
 
     /// The largest of 2,538 modules of real projects and of conformance tests has 1,878,356 bytes,
@@ -281,7 +282,7 @@ mod tests {
         let limits = InputLimits::default().with(InputLimit::TypeNesting, 1000);
         assert_eq!(limits.get(InputLimit::TypeNesting), 255);
         let error = limits.check(InputLimit::TypeNesting, 256, ErrorKind::UnsupportedModule).unwrap_err();
-        assert_eq!(error.notes(), ["`type-nesting` is as high as it can be set"]);
+        assert_eq!(error.notes(), ["the limit `type-nesting` cannot be raised further"]);
     }
 
     #[test]

@@ -145,7 +145,7 @@ fn types_are_nested_255_deep_at_most() {
     }
     assert!(a.load().is_ok());
     let at = a.op(Op::TypeStruct, &[354, 353]);
-    beyond(&a, at, "256 types nested in types are more than the limit `type-nesting` of 255");
+    beyond(&a, at, "256 types nested in types exceed the limit `type-nesting` of 255");
 }
 
 #[test]
@@ -185,7 +185,7 @@ fn types_have_a_limited_number_of_parts() {
     beyond(
         &a,
         at,
-        "2097151 parts of a type, an array's element counted once are more than the limit `type-parts` of 1048576",
+        "2097151 parts of a type, an array's element counted once exceed the limit `type-parts` of 1048576",
     );
     let limits = InputLimits::default().with(InputLimit::TypeParts, 1 << 21);
     assert!(load_with(&a.bytes(), limits).is_ok());

@@ -232,7 +232,7 @@ mod tests {
         let counted = Counted::new(&files);
         assert!(counted.reserve(6).is_ok() && counted.reserve(4).is_ok());
         let error = counted.reserve(1).unwrap_err();
-        assert_eq!(error.message(), "11 bytes of one scene are more than the limit `scene-memory` of 10");
+        assert_eq!(error.message(), "11 bytes of one scene exceed the limit `scene-memory` of 10");
         assert!(counted.reserve(u64::MAX).is_err());
         assert!(counted.reserve_primitives(3).is_ok());
         let error = counted.reserve_primitives(1).unwrap_err();

@@ -61,7 +61,7 @@ impl ImageContent {
     /// The error message if it does not fit into memory.
     pub fn too_large(&self) -> String {
         let ImageShape { extent, layers, .. } = self.shape;
-        format!("{extent:?} texels in {layers} layers are too many for an image: {} bytes", self.size())
+        format!("{extent:?} texels in {layers} layers are too large for an image: {} bytes", self.size())
     }
 }
 
@@ -90,7 +90,9 @@ impl Parse for Levels {
     fn parse(value: TomlValue<'_>) -> Option<Self> {
         match value.text() {
             Some("all") => Some(Self::All),
-            Some(_) => value.wrong("`levels` is a number, or `\"all\"` down to a single texel"),
+            Some(_) => {
+                value.wrong("`levels` must be a number, or `\"all\"` for levels down to a single texel")
+            }
             None => u32::parse(value).map(Self::Count),
         }
     }
@@ -173,14 +175,17 @@ impl ImageEntry {
         }
         if table.has("file") {
             if table.has("size") || table.has("fill") || table.has("data") {
-                return wrong("an image from a file has the file's `size`, and neither `fill` nor `data`");
+                return wrong(
+                    "`file` excludes `size`, `fill` and `data`: the image has the size and \
+                    texels of the file",
+                );
             }
             if entry.dimension == Dimension::D3 || entry.samples != 1 {
-                return wrong("a file gives a plane with one sample, not a `3d` or multisampled image");
+                return wrong("a file cannot fill a `3d` or multisampled image");
             }
         }
         if table.has("fill") && table.has("data") {
-            return wrong("either `fill` or `data`");
+            return wrong("`fill` and `data` exclude each other");
         }
         Some(entry)
     }
@@ -268,7 +273,8 @@ impl ImageEntry {
         let all = u64::from(layers) * u64::from(shape.levels);
         if given != u64::from(layers) && given != all {
             let message = format!(
-                "{given} files for {layers} layers; or one for each layer of each level, level 0 first"
+                "{given} files for {layers} layers: list one file per layer, or one per layer of each \
+                 level, level 0 first"
             );
             return Err(self.span.error(message));
         }
@@ -310,7 +316,7 @@ impl ImageEntry {
 
     fn texture(&self, reference: &TextureReference, sources: &DataSources<'_>) -> Result<Picture> {
         let Some(meshes) = &sources.meshes else {
-            return Err(reference.span.error("textures of meshes cannot stand here"));
+            return Err(reference.span.error("textures of meshes are not allowed here"));
         };
         let (texture, is_color) = reference.find(meshes)?;
         let mut picture = match &texture.picture {
@@ -337,7 +343,7 @@ impl ImageEntry {
             texels.extend(more);
         } else if found != all {
             let message =
-                format!("{found} bytes of texels, where level 0 has {first} and all levels have {all}");
+                format!("found {found} bytes of texels, expected {first} (level 0) or {all} (all levels)");
             return Err(self.span.error(message));
         }
         Ok(ImageContent { format, shape, texels, unfilled: false })
@@ -352,7 +358,7 @@ fn extent(table: &Table<'_>) -> Option<Option<[u32; 3]>> {
     let fits = |side: &u32| *side > 0 && u64::from(*side) <= most;
     if given.is_empty() || given.len() > 3 || !given.iter().all(fits) {
         return value.wrong(format!(
-            "`size` is `[width, height, depth]`, each from 1 to {most} (the limit `image-side`)"
+            "`size` must be `[width, height, depth]`, each from 1 to {most} (the limit `image-side`)"
         ));
     }
     let mut extent = [1; 3];
@@ -366,7 +372,7 @@ fn fill(table: &Table<'_>) -> Option<[f64; 4]> {
     let mut color = [0.0; 4];
     match color.get_mut(..given.len()) {
         Some(channels) => channels.copy_from_slice(&given),
-        None => table.report().push(span.error("`fill` has at most four channels")),
+        None => table.report().push(span.error("`fill` must have at most four channels")),
     }
     Some(color)
 }
@@ -405,7 +411,7 @@ mod tests {
     fn the_side_of_an_image_has_a_named_limit_and_a_line_of_texels_none() {
         // Without a size the image is as wide as the launch.
         let error = load("type = 'storage_image'", InputLimits::default()).unwrap_err();
-        let wanted = "40000 texels along a side of an image are more than the limit `image-side` of 32768";
+        let wanted = "40000 texels along a side of an image exceed the limit `image-side` of 32768";
         assert!(error.render().contains(wanted), "{}", error.render());
         assert!(error.notes().iter().any(|note| note.contains("--limit image-side=N")), "{error}");
         // Texels of a buffer may be as many as its bytes are within `image-bytes`.

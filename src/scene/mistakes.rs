@@ -47,7 +47,7 @@ error: unknown key `hieght`
 5 │ hieght = [0.2, 0.5]
   │ ^^^^^^ did you mean `height`?
   │
-  = the keys here are: area, cluster_id, count, height, lean, no_duplicate_any_hit, opacity_micromap, opaque, radius, seed, taper, type
+  = valid keys: area, cluster_id, count, height, lean, no_duplicate_any_hit, opacity_micromap, opaque, radius, seed, taper, type
 
 ";
     pretty_assertions::assert_eq!(error.render(), wanted);
@@ -56,9 +56,9 @@ error: unknown key `hieght`
 #[test]
 fn the_version_comes_first() {
     for (text, wanted) in [
-        ("", "begins with its format's version: `version = 1`"),
-        ("launch = 'x'\n", "begins with its format's version"),
-        ("version = 2\nnew_key = 1\n", "reads version 1"),
+        ("", "must begin with its format version: `version = 1`"),
+        ("launch = 'x'\n", "must begin with its format version"),
+        ("version = 2\nnew_key = 1\n", "supports version 1"),
         ("version = 2\n", "help: update anyhit"),
         ("version = 0\n", "help: write `version = 1`"),
         ("version = '1'\n", "expected an integer"),
@@ -85,7 +85,7 @@ fn every_mistake_is_reported_in_one_run() {
         std::iter::once(error.message()).chain(error.others().iter().map(Error::message)).collect();
     let wanted = [
         "expected a number, found a string",
-        "this does not fit: u8 goes from 0 to 255",
+        "out of range: u8 ranges from 0 to 255",
         "unknown key `lauch`",
         "no geometry is named `b`",
         "no shader is named `sky`",
@@ -115,7 +115,7 @@ fn a_missing_bracket_is_one_mistake() {
     one_mistake(
         &format!("launch = [4, 4\n[geometry.floor]\ntype = 'plane'\n{rest}"),
         "s/a.toml:3:1",
-        &["not TOML: ", "2 │ launch = [4, 4", "no `]` closes this before there"],
+        &["not TOML: ", "2 │ launch = [4, 4", "this has no closing `]`"],
     );
     one_mistake(&format!("[geometry.floor\ntype = 'plane'\n{rest}"), "s/a.toml:2", &["not TOML: "]);
     one_mistake(&format!("title = \"open\n{rest}"), "s/a.toml:2", &["not TOML: "]);
@@ -124,11 +124,11 @@ fn a_missing_bracket_is_one_mistake() {
         let error = mistake(&format!("{header}\n{header}\n"));
         let text = error.render();
         assert!(text.contains("not TOML: duplicate key"), "{text}");
-        assert!(!text.contains("closes this"), "{text}");
+        assert!(!text.contains("this has no closing"), "{text}");
     }
     for twice in ["title = { a = 1, a = 2 }\n", "[geometry.a b]\n"] {
         let text = mistake(twice).render();
-        assert!(text.contains("not TOML: ") && !text.contains("closes this"), "{text}");
+        assert!(text.contains("not TOML: ") && !text.contains("this has no closing"), "{text}");
     }
     // Mistakes that have nothing to do with each other are all told.
     let error = mistake("version = 1\nx = = 1\ny = 2\nz = = 3\n");
@@ -190,8 +190,8 @@ fn files_that_are_missing_or_broken() {
         &["each from 1 to 32768"],
     );
     one_mistake("include = 'gone.toml'\n", "s/a.toml:2:11", &["no such embedded file"]);
-    one_mistake("include = 'old.toml'\n", "s/old.toml:1:11", &["the scene format has no version 0"]);
-    one_mistake("include = 'loop.toml'\n", "s/loop.toml:2:11", &["an include that never ends"]);
+    one_mistake("include = 'old.toml'\n", "s/old.toml:1:11", &["unknown version 0 of the scene format"]);
+    one_mistake("include = 'loop.toml'\n", "s/loop.toml:2:11", &["cyclic include"]);
     one_mistake("include = 'wrong.toml'\n", "s/wrong.toml:5:1", &["did you mean `count`?"]);
 }
 
@@ -202,7 +202,7 @@ fn geometry_that_does_not_fit_together() {
     one_mistake(
         &format!("{spheres}radii = 1\nindices = [0, 2]\n"),
         "s/a.toml:6:11",
-        &["index 2 is beyond the 2"],
+        &["index 2 is out of range: there are 2"],
     );
     one_mistake(spheres, "s/a.toml:2:1", &["`radii` is missing"]);
     // An error of a structure about a geometry is reported once, at the geometry.
@@ -213,22 +213,22 @@ fn geometry_that_does_not_fit_together() {
         &["primitive 1 has the negative radius -1"],
     );
     let lss = "[geometry.g]\ntype = 'lss'\npositions = [[0, 0, 0], [1, 0, 0]]\nradii = 1\n";
-    one_mistake(&format!("{lss}mode = 'successive'\n"), "s/a.toml:2:1", &["needs `indices`", "10427"]);
+    one_mistake(&format!("{lss}mode = 'successive'\n"), "s/a.toml:2:1", &["requires `indices`", "10427"]);
     one_mistake(
         &format!("{lss}mode = 'successive'\nindices = [1]\n"),
         "s/a.toml:7:11",
-        &["index 1 is beyond the 1"],
+        &["index 1 is out of range: there are 1"],
     );
-    one_mistake(&format!("{lss}indices = [0, 1, 0]\n"), "s/a.toml:6:11", &["two indices a segment"]);
+    one_mistake(&format!("{lss}indices = [0, 1, 0]\n"), "s/a.toml:6:11", &["two indices per segment"]);
     one_mistake(&format!("{lss}caps = 'chain'\n"), "s/a.toml:6:8", &["did you mean `chained`?"]);
     let triangles = "[geometry.g]\ntype = 'triangles'\nvertices = [[0, 0, 0], [1, 0, 0]]\n";
-    one_mistake(triangles, "s/a.toml:4:12", &["2 corners do not make whole triangles"]);
+    one_mistake(triangles, "s/a.toml:4:12", &["2 corners are not a multiple of three"]);
     one_mistake("[geometry.g]\ntype = 'cube'\n", "s/a.toml:3:8", &["unknown type of geometry `cube`"]);
     one_mistake("[geometry.g]\nopaque = true\n", "s/a.toml:2:1", &["needs its `type`"]);
     one_mistake(
         "[geometry.g]\ntype = 'grass'\ncount = 4_000_000_000\n",
         "s/a.toml:4:9",
-        &["4000000000 primitives of one scene are more than the limit `scene-primitives` of 67108864"],
+        &["4000000000 primitives of one scene exceed the limit `scene-primitives` of 67108864"],
     );
     one_mistake(
         "[geometry.g]\ntype = 'chains'\ncount = 20_000_000\n",
@@ -249,7 +249,7 @@ fn geometry_that_does_not_fit_together() {
     one_mistake(
         "[geometry.g]\ntype = 'grass'\nheight = [0.5, 0.2]\n",
         "s/a.toml:4:10",
-        &["not a range from low to high"],
+        &["not a range from a lower to a higher number"],
     );
 }
 
@@ -298,7 +298,7 @@ fn instances() {
         &["singular"],
     );
     one_mistake(&format!("{ground}sbt_offset = 16777216\n"), "s/a.toml:6:14", &["24 bits"]);
-    one_mistake(&format!("{ground}custom_index = -1\n"), "s/a.toml:6:16", &["does not fit"]);
+    one_mistake(&format!("{ground}custom_index = -1\n"), "s/a.toml:6:16", &["out of range"]);
     one_mistake(
         &format!("{ground}transform = [1, 0, 0]\n"),
         "s/a.toml:6:13",
@@ -307,7 +307,7 @@ fn instances() {
     one_mistake(
         &format!("{ground}scale = 2\ntransform = [[1,0,0,0],[0,1,0,0],[0,0,1,0]]\n"),
         "s/a.toml:7:13",
-        &["but not both"],
+        &["`transform` excludes"],
     );
     one_mistake(
         &format!("{ground}rotate = {{ axis = [0, 0, 0], degrees = 3 }}\n"),
@@ -324,7 +324,7 @@ fn instances() {
 #[test]
 fn buffers_images_and_sizes() {
     let buffer = "[resources.b]\ntype = 'storage_buffer'\nbinding = 0\n";
-    one_mistake(buffer, "s/a.toml:2:1", &["a buffer needs `data`, or its `size`"]);
+    one_mistake(buffer, "s/a.toml:2:1", &["a buffer needs `data`, or a `size`"]);
     one_mistake(
         &format!("{buffer}size = 3\ndata = {{ u32 = 1 }}\n"),
         "s/a.toml:5:8",
@@ -333,7 +333,7 @@ fn buffers_images_and_sizes() {
     one_mistake(
         &format!("{buffer}size = 9_000_000_000\n"),
         "s/a.toml:5:8",
-        &["9000000000 bytes of a buffer are more than the limit `buffer-bytes` of 1073741824"],
+        &["9000000000 bytes of a buffer exceed the limit `buffer-bytes` of 1073741824"],
     );
     one_mistake(
         "[resources.b]\ntype = 'storage_bufer'\nbinding = 0\n",
@@ -344,7 +344,7 @@ fn buffers_images_and_sizes() {
     let image = "[resources.i]\ntype = 'storage_image'\nbinding = 0\n";
     one_mistake(&format!("{image}format = 'rgba32'\n"), "s/a.toml:5:10", &["did you mean `rgba32f`?"]);
     one_mistake(&format!("{image}size = [40000, 2]\n"), "s/a.toml:5:8", &["each from 1 to 32768"]);
-    one_mistake(&format!("{image}size = [32768, 32768]\n"), "s/a.toml:2:1", &["too many for an image"]);
+    one_mistake(&format!("{image}size = [32768, 32768]\n"), "s/a.toml:2:1", &["too large for an image"]);
     one_mistake(
         &format!("{image}dimension = 'cube'\nlayers = 5\n"),
         "s/a.toml:2:1",

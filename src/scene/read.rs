@@ -146,7 +146,7 @@ impl Document {
             && let Some(last) = shown.pop()
         {
             let bracket = Span { source: source.clone(), range: inside.bracket..inside.bracket + 1 };
-            let label = format!("no `{}` closes this before there", inside.closing);
+            let label = format!("this has no closing `{}`", inside.closing);
             shown.push(last.at_with(bracket.place(), label));
         }
         Err(Error::several(shown).and_more(errors.len().saturating_sub(most)))
@@ -447,7 +447,7 @@ impl<'a> Table<'a> {
             self.report().push(
                 key.span
                     .error_with(format!("unknown key `{}`", key.value), label)
-                    .note(format!("the keys here are: {}", known.join(", "))),
+                    .note(format!("valid keys: {}", known.join(", "))),
             );
         }
     }
@@ -538,7 +538,7 @@ mod tests {
         assert_eq!(error.others().len(), 49);
         let report = error.render();
         assert!(report.lines().count() < 1000, "{} lines", report.lines().count());
-        assert!(report.contains("19951 more mistakes are not shown"), "{report}");
+        assert!(report.contains("19951 more errors are not shown"), "{report}");
         // It took 4 s where each was rendered by itself from a text of 20,000 lines.
         assert!(begin.elapsed().as_secs_f64() < 2.0, "{:?}", begin.elapsed());
     }

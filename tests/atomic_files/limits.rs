@@ -40,7 +40,7 @@ fn a_full_disk_leaves_the_old_file_and_is_an_error() {
                 assert_eq!(code, Some(2), "{what}");
                 assert!(found == writer.old, "{what}: {} bytes", found.len());
                 assert!(text.contains(&format!("error: {}: File too large", writer.target)), "{what}");
-                assert!(text.contains(&format!("{} is as it was before", writer.target)), "{what}");
+                assert!(text.contains(&format!("{} is unchanged", writer.target)), "{what}");
             }
             assert_eq!(place.others(writer), [""; 0], "{what}");
         }

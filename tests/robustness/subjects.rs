@@ -28,7 +28,7 @@ pub fn refused(error: &Error) -> bool {
     assert!(!error.render().is_empty());
     assert!(!error.message().is_empty(), "an error without a message");
     for note in std::iter::once(error).chain(error.others()).flat_map(Error::notes) {
-        let place = note.strip_prefix("the file breaks a rule that `").unwrap_or_default();
+        let place = note.strip_prefix("the file violates an assumption at `").unwrap_or_default();
         assert!(!is_ours(place), "a panic of our own: {}: {place}", error.message());
     }
     false

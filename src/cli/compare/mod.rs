@@ -87,6 +87,6 @@ mod tests {
         assert_eq!(Other::parse("before.json").unwrap(), Other::Saved("before.json".into()));
         assert_eq!(Other::parse("a=b/scene.toml").unwrap(), Other::Scene("a=b/scene.toml".into()));
         assert!(Other::parse("pixel=3").is_err());
-        assert!(Other::parse("precision=good").unwrap_err().message().contains("`good` is no precision"));
+        assert!(Other::parse("precision=good").unwrap_err().message().contains("`good` is not a precision"));
     }
 }

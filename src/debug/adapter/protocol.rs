@@ -197,7 +197,7 @@ mod tests {
     #[test]
     fn what_is_no_request_is_told_with_its_number() {
         let (seq, refusal) = Request::read(json!({ "seq": 9, "type": "event" })).unwrap_err();
-        assert_eq!((seq, refusal.message.as_str()), (9, "a message of type `event` is no request"));
+        assert_eq!((seq, refusal.message.as_str()), (9, "a message of type `event` is not a request"));
         assert_eq!(Request::read(json!([])).unwrap_err().0, 0);
     }
 }

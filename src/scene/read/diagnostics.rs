@@ -150,7 +150,7 @@ mod tests {
         let text = error.render();
         assert_eq!((error.others().len(), error.not_shown()), (2, 17));
         assert!(text.contains("mistake 2") && !text.contains("mistake 3"), "{text}");
-        assert!(text.ends_with("error: 17 more mistakes are not shown\n"), "{text}");
+        assert!(text.ends_with("error: 17 more errors are not shown\n"), "{text}");
         assert!(!first_of(errors(3), 3).render().contains("not shown"));
         assert_eq!(first_of(errors(2), 0).not_shown(), 1);
     }
