@@ -474,7 +474,7 @@ fn language_stage_and_entry_point_reach_slangc() {
     assert!(arguments().contains("\n-DX=1\n-fvk-t-shift\n9\n0\n"), "{}", arguments());
     // What cannot be meant is told where it stands.
     for (shader, place, message) in [
-        ("path = 'a.spv'\nstage = 'miss'", "scene.toml:4:9", "`stage` is for a `source`"),
+        ("path = 'a.spv'\nstage = 'miss'", "scene.toml:4:9", "`stage` applies only to a `source`"),
         ("source = 'a.wgsl'\nstage = 'miss'", "scene.toml:4:9", "declares the stages of its entry points"),
         ("source = 'a.txt'\nlanguage = 'glsl'", "scene.toml:4:12", "set `stage`"),
         ("source = 'a.rgen'\nlanguage = 'hlsll'", "scene.toml:4:12", "did you mean `hlsl`?"),
@@ -593,7 +593,10 @@ fn a_compiler_that_crashes_or_writes_nothing_is_told_as_such() {
         let run = |name: &str, script: &str| with_script(&format!("{name}-{tool}"), variable, tool, script);
         let (code, said) = run("killed", "echo 'half a message' >&2; kill -SEGV $$");
         assert_eq!(code, Some(4), "{said}");
-        assert!(said.contains(&format!("the compiler `{tool}` was terminated by signal 11 (SIGSEGV)")), "{said}");
+        assert!(
+            said.contains(&format!("the compiler `{tool}` was terminated by signal 11 (SIGSEGV)")),
+            "{said}"
+        );
         assert!(said.contains("its output: half a message"), "{said}");
         let (code, said) = run("aborted", "kill -ABRT $$");
         assert_eq!(code, Some(4), "{said}");

@@ -100,11 +100,7 @@ fn ranges_that_are_none() {
         &["no resource is named `aren`", "did you mean `arena`?"],
     );
     let of_view = view("") + "[resources.more]\ntype = 'storage_buffer'\nbinding = 4\nbuffer = 'lights'\n";
-    one_mistake(
-        &of_view,
-        "s.toml:13:10",
-        &["`lights` is itself a view of `arena`", "name `arena`, from whose beginning"],
-    );
+    one_mistake(&of_view, "s.toml:13:10", &["`lights` is itself a view of `arena`", "name `arena` instead"]);
     one_mistake(
         "[resources.a]\ntype = 'storage_buffer'\nbinding = 0\nsize = 8\noffset = 4\n",
         "s.toml:6:10",

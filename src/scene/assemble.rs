@@ -303,7 +303,7 @@ impl<'a> Shaders<'a> {
         let mut warnings = Vec::new();
         for (_, module) in self.modules() {
             for warning in &module.warnings {
-                let text = format!("warning of the compiler: {warning}");
+                let text = format!("compiler warning: {warning}");
                 if warnings.len() < most && !warnings.contains(&text) {
                     warnings.push(text);
                 }
@@ -332,10 +332,11 @@ impl<'a> Shaders<'a> {
             if has_addresses && self.scene.loaded.contains_key(&shader.module) {
                 specialize(&mut as_laid_out, None)?;
                 if !same_array_lengths(&as_laid_out, &module) {
-                    let message = "the length of an array depends on a specialization constant that is an \
-                                   address, and data is laid out by this module before addresses are known";
+                    let message = "the length of an array depends on a specialization constant that is \
+                        set to an address, but the layout of data in this module is computed before \
+                        addresses are assigned";
                     let error = Error::new(ErrorKind::InvalidScene, message).at(shader.place.clone());
-                    return Err(error.note("give the address as a number, with `address` of its buffer"));
+                    return Err(error.note("set `address` on the buffer and write the same number here"));
                 }
             }
         }
@@ -612,7 +613,8 @@ fn resources(
                 let BufferView { buffer: name, range, .. } = view;
                 let (start, size) = (view.start(), buffer.size());
                 let message = format!(
-                    "{range} bytes at offset {start} go past the end of `{name}`, which has {size} bytes"
+                    "{range} bytes at offset {start} extend past the end of `{name}`, which has {size} \
+                     bytes"
                 );
                 errors.push(Error::new(ErrorKind::InvalidScene, message).at(binding.place.clone()));
             }

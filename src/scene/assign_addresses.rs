@@ -91,12 +91,13 @@ pub(super) fn check(scene: &ResolvedScene, report: &Diagnostics) {
                 report.push(span.error(message));
             }
             Some(Target::Buffer(AddressChoice::Never, place)) => {
-                let error = span.error(format!("`{name}` has no address: it says `address = false`"));
-                report.push(error.at_with(place.clone(), "the buffer"));
+                let error = span.error(format!("`{name}` has no address: it sets `address = false`"));
+                report.push(error.at_with(place.clone(), "declared here"));
             }
             Some(Target::Structure(_)) if of.offset.value != 0 => {
-                report
-                    .push(of.offset.span.error("an acceleration structure has no parts: its `offset` is 0"));
+                report.push(
+                    of.offset.span.error("the `offset` of an acceleration structure's address must be 0"),
+                );
             }
             Some(Target::Buffer(..) | Target::Structure(_)) => {}
         }
@@ -117,7 +118,7 @@ fn overlap(
     let message = format!(
         "`{name}`, {size} bytes at {start:#x}, overlaps `{other}`, {other_size} bytes at {other_start:#x}"
     );
-    Some(address.span.error(message).at_with((*place).clone(), "the other one"))
+    Some(address.span.error(message).at_with((*place).clone(), "the other buffer"))
 }
 
 impl Addresses {

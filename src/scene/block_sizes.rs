@@ -60,7 +60,7 @@ fn add(notes: &mut Vec<String>, what: &str, given: u64, declared: usize, program
         return;
     }
     let note = format!(
-        "{what}: {given} bytes given, {declared} declared by {} `{}`; an access to the rest traps",
+        "{what}: {given} bytes given, {declared} declared by {} `{}`; an access past the end traps",
         program.stage.name(),
         program.name
     );

@@ -86,13 +86,13 @@ impl FileCameraEntry {
             (None, [camera]) => Ok(camera),
             (None, []) => Err(self.file.span.error("the file has no camera")),
             (None, several) => {
-                let message = format!("the file has {} cameras: say which with `name`", several.len());
+                let message = format!("the file has {} cameras: select one with `name`", several.len());
                 Err(self.file.span.error(message))
             }
         };
         let camera = found.map_err(|error| match model.cameras.is_empty() {
             true => error,
-            false => error.note(format!("the cameras here are: {}", names())),
+            false => error.note(format!("cameras in the file: {}", names())),
         })?;
         let own = self.transform.map_or(DMat4::IDENTITY, |rows| matrix_of(&rows));
         let world = own * camera.world;
@@ -100,7 +100,7 @@ impl FileCameraEntry {
         let axis = |column: DVec4| column.truncate().try_normalize().map(|axis| axis.extend(0.0));
         let axes = [world.x_axis, world.y_axis, world.z_axis].map(axis);
         let [Some(x), Some(y), Some(z)] = axes else {
-            return Err(self.file.span.error("the node of the camera has a scale of zero"));
+            return Err(self.file.span.error("the camera's node has a scale of zero"));
         };
         let view_inverse = DMat4::from_cols(x, y, z, world.w_axis);
         let mut projection = camera.projection;
@@ -134,7 +134,9 @@ impl CameraView {
                 let aspect = own.unwrap_or(aspect);
                 check_planes(near, far)?;
                 if !(slope > 0.0 && slope.is_finite() && aspect > 0.0 && aspect.is_finite()) {
-                    return Err(format!("an angle or aspect ratio, {aspect}, that is not above 0"));
+                    return Err(format!(
+                        "the field of view or the aspect ratio {aspect} is not a positive number"
+                    ));
                 }
                 // By 1 / far, which is 0 for a plane that is infinitely far.
                 let depth = 1.0 / (near / far - 1.0);
@@ -154,7 +156,7 @@ impl CameraView {
             }
             Projection::Orthographic { half: [width, height], near, far } => {
                 if width == 0.0 || height == 0.0 || !(far - near).is_finite() || far <= near {
-                    return Err("an orthographic camera whose volume is empty".to_string());
+                    return Err("the view volume of the orthographic camera is empty".to_string());
                 }
                 let depth = far - near;
                 let forward = DMat4::from_cols_array_2d(&[
@@ -175,7 +177,7 @@ impl CameraView {
         // The axes are orthonormal, but of a file not exactly.
         let view = view_inverse.inverse();
         if !view.is_finite() || !view_inverse.is_finite() {
-            return Err("a camera's numbers are finite".to_string());
+            return Err("camera values must be finite".to_string());
         }
         Ok(Self { view, view_inverse, projection, projection_inverse })
     }
@@ -196,7 +198,7 @@ impl CameraView {
 fn check_planes(near: f64, far: f64) -> Result<(), String> {
     match near > 0.0 && far > near {
         true => Ok(()),
-        false => Err(format!("the planes, {near} and {far}, are not 0 < near < far")),
+        false => Err(format!("the planes {near} and {far} do not satisfy 0 < near < far")),
     }
 }
 
@@ -292,7 +294,7 @@ impl CameraPiece {
 fn several<T>(table: &Table<'_>) -> Option<T> {
     let keys = CameraMatrix::NAMES.iter().map(|(key, _)| *key).chain(["camera"]);
     if keys.filter(|key| table.has(key)).count() > 1 {
-        let message = "several matrices in one piece: `{ camera = {...}, matrices = [...] }` has a list";
+        let message = "several matrices in one piece: list them as `{ camera = {...}, matrices = [...] }`";
         table.report().push(table.span().error(message));
     }
     None
@@ -341,14 +343,14 @@ impl Camera {
         let aspect = self.aspect.unwrap_or(aspect);
         let numbers = [self.eye, self.look_at, self.up].concat();
         if !numbers.iter().chain([&self.near, &self.far, &aspect]).all(|x| x.is_finite()) {
-            return Err("a camera's numbers are finite".into());
+            return Err("camera values must be finite".into());
         }
         if !(self.fov > 0.0 && self.fov < 180.0) {
-            return Err(format!("the angle of view, {}, is not between 0 and 180 degrees", self.fov));
+            return Err(format!("the field of view {} is not between 0 and 180 degrees", self.fov));
         }
         check_planes(self.near.into(), self.far.into())?;
         if aspect <= 0.0 {
-            return Err(format!("the aspect ratio, {aspect}, is not above 0"));
+            return Err(format!("the aspect ratio {aspect} is not positive"));
         }
         let back = normalized(sub(self.eye, self.look_at)).ok_or("`eye` and `look_at` are the same point")?;
         let right = normalized(cross(self.up.map(f64::from), back))
@@ -449,7 +451,7 @@ mod tests {
         let cases = [
             (Camera { look_at: base.eye, ..base.clone() }, "same point"),
             (Camera { up: [0.0, 0.0, 2.0], ..base.clone() }, "parallel"),
-            (Camera { fov: 180.0, ..base.clone() }, "angle of view"),
+            (Camera { fov: 180.0, ..base.clone() }, "field of view"),
             (Camera { near: 9.0, ..base.clone() }, "near < far"),
             (Camera { eye: [f32::NAN, 0.0, 0.0], ..base.clone() }, "finite"),
             (Camera { aspect: Some(0.0), ..base }, "aspect"),

@@ -63,7 +63,8 @@ impl DataPieces {
         match data.first_address() {
             None => Ok(std::mem::take(data.tail())),
             Some(span) => Err(span.error(
-                "an address is known only in buffers, push constants, shader records and specialization constants",
+                "addresses are allowed only in buffers, push constants, shader records and \
+                 specialization constants",
             )),
         }
     }
@@ -138,8 +139,7 @@ impl DataPieces {
                 Content::Mesh(mesh) => {
                     let Some(meshes) = &sources.meshes else {
                         return Err(span.error(
-                            "what a mesh carries cannot stand here: only in data of resources, \
-                                               push constants and shader records",
+                            "mesh data is allowed only in resources, push constants and shader records",
                         ));
                     };
                     let all = mesh.size(meshes)?.saturating_mul(piece.repeat.into());
@@ -215,7 +215,7 @@ impl Parse for Piece {
         match <[Content; 1]>::try_from(contents) {
             Ok([content]) => Some(Self { content, repeat }),
             Err(contents) if contents.is_empty() => {
-                value.wrong("no data: give a type and its values, such as `{ f32 = [1, 2] }`")
+                value.wrong("no data: write a type and its values, such as `{ f32 = [1, 2] }`")
             }
             Err(_) => value.wrong("several kinds of data in one piece: write an array of pieces"),
         }
@@ -235,7 +235,7 @@ fn align(table: &Table<'_>, to: &Spanned<u32>) -> Option<Content> {
     if to.value.is_power_of_two() && to.value <= 4096 {
         return Some(Content::Align(to.value));
     }
-    table.report().push(to.span.error("an alignment is a power of two, at most 4096"));
+    table.report().push(to.span.error("an alignment must be a power of two, at most 4096"));
     None
 }
 
@@ -250,7 +250,8 @@ impl Parse for Hex {
             return value.wrong("not hexadecimal digits");
         };
         if digits.len() % 2 == 1 {
-            return value.wrong(format!("{} hexadecimal digits: each byte takes two", digits.len()));
+            return value
+                .wrong(format!("odd number of hexadecimal digits ({}): each byte has two", digits.len()));
         }
         Some(Self(digits.chunks(2).map(|pair| (pair[0] * 16 + pair[1]) as u8).collect()))
     }
@@ -270,7 +271,7 @@ impl Parse for ScalarPiece {
         match Piece::parse(value)?.content {
             Content::Bytes(bytes) if bytes.len() <= 8 => Some(Self::Bytes(bytes)),
             Content::Address(of) => Some(Self::Address(of)),
-            _ => value.wrong("a specialization constant is one scalar"),
+            _ => value.wrong("a specialization constant must be one scalar"),
         }
     }
 }
@@ -320,15 +321,15 @@ mod tests {
             ("x = 3", "typed data"),
             ("x = {}", "no data"),
             ("x = { f32 = 1, u32 = 1 }", "array of pieces"),
-            ("x = { u8 = 256 }", "does not fit: u8 goes from 0 to 255"),
+            ("x = { u8 = 256 }", "out of range: u8 ranges from 0 to 255"),
             ("x = { f16 = 65520 }", "beyond the range of f16"),
             ("x = { e4m3 = 465 }", "beyond the range of e4m3"),
             ("x = { e4m3 = inf }", "e4m3 has no infinity"),
-            ("x = { f32 = 1e-46 }", "is not 0 and rounds to 0 as f32"),
-            ("x = { f16 = 1e-9 }", "is not 0 and rounds to 0 as f16"),
-            ("x = { f32 = 16777217 }", "is no f32: the nearest is 16777216"),
+            ("x = { f32 = 1e-46 }", "is too small for f32: it rounds to 0"),
+            ("x = { f16 = 1e-9 }", "is too small for f16: it rounds to 0"),
+            ("x = { f32 = 16777217 }", "is not exactly representable as f32: the nearest value is 16777216"),
             ("x = { e5m2 = 61440 }", "beyond the range of e5m2"),
-            ("x = { hex = 'abc' }", "each byte takes two"),
+            ("x = { hex = 'abc' }", "each byte has two"),
             ("x = { align = 3 }", "power of two"),
             ("x = { f31 = 3 }", "did you mean `f32`?"),
             ("x = { u8 = 1, repeat = 4_000_000_000 }", "the limit `buffer-bytes`"),

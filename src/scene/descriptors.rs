@@ -106,8 +106,8 @@ pub(super) fn stride_notes<'a>(
                     start => format!("{start} bytes before the array, "),
                 };
                 let note = format!(
-                    "{}the buffer `{}` (set {}, binding {}) has {} bytes: {header}{whole} element{plural} of {stride} \
-                     and {odd} left over, which no index of `{}` reaches",
+                    "{}the buffer `{}` (set {}, binding {}) has {} bytes: {header}{whole} \
+                     element{plural} of {stride} and {odd} left over, which no index into `{}` reaches",
                     line_of(&bound.place),
                     bound.name,
                     bound.declared_at[0],
@@ -143,7 +143,8 @@ pub(super) fn missing_note<'a>(
     let missing = missing(programs, bound);
     (!missing.is_empty()).then(|| {
         format!(
-            "{}: the scene binds nothing to {}; an access there traps, unless [pipeline] has `unbound = \"zeros\"`",
+            "{}: the scene binds nothing to {}; an access traps unless [pipeline] sets `unbound = \
+             \"zeros\"`",
             escape::path(&scene.path),
             list(&missing)
         )

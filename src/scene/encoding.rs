@@ -167,7 +167,7 @@ impl Data {
                 Part::Align(to) => size.checked_next_multiple_of(u64::from(*to)),
                 Part::Address(_, repeat) => size.checked_add(ADDRESS_SIZE as u64 * u64::from(*repeat)),
             }
-            .ok_or_else(|| Error::new(ErrorKind::InvalidScene, "data of more than 2^64 bytes"))?;
+            .ok_or_else(|| Error::new(ErrorKind::InvalidScene, "the data exceeds 2^64 bytes"))?;
         }
         match &self.size {
             None => Ok(size),

@@ -136,19 +136,22 @@ fn version(document: &Document) -> Result<()> {
     let root = document.root(&report);
     let top = Span { source: document.source().clone(), range: 0..0 };
     let Some(value) = root.value("version") else {
-        return Err(top.error("a scene begins with its format's version: `version = 1`"));
+        return Err(top.error("a scene must begin with its format version: `version = 1`"));
     };
     match <Spanned<u32>>::parse(value) {
         Some(Spanned { value: VERSION, .. }) => Ok(()),
         Some(Spanned { value: other, span }) if other < VERSION => {
-            let message = format!("the scene format has no version {other}");
+            let message = format!("unknown version {other} of the scene format");
             Err(span.error(message).note(format!("help: write `version = {VERSION}`")))
         }
         Some(Spanned { value: other, span }) => {
             let own = env!("CARGO_PKG_VERSION");
-            Err(Error::new(ErrorKind::UnsupportedFile, format!("version {other} of the scene format"))
-                .at_with(span.place(), format!("anyhit {own} reads version {VERSION}"))
-                .note(format!("help: update anyhit: a newer one than {own} reads this file")))
+            Err(Error::new(
+                ErrorKind::UnsupportedFile,
+                format!("version {other} of the scene format is not supported"),
+            )
+            .at_with(span.place(), format!("anyhit {own} supports version {VERSION}"))
+            .note(format!("help: update anyhit to a release newer than {own}")))
         }
         None => report.finish(),
     }
@@ -251,7 +254,7 @@ fn language(
     let Some(source) = source else {
         return match said.next() {
             Some((key, value)) => {
-                value.wrong(format!("`{key}` is for a `source`: a module is compiled already"))
+                value.wrong(format!("`{key}` applies only to a `source`: a module is already compiled"))
             }
             None => Some(None),
         };
@@ -271,7 +274,7 @@ fn compiler_flags(
     let Some(value) = table.value("compiler_flags") else { return Some(CompilerFlags::default()) };
     let flags = <OneOrMore<Spanned<String>>>::parse(value)?.0;
     if source.is_none() {
-        return value.wrong("`compiler_flags` are for a `source`: a module is compiled already");
+        return value.wrong("`compiler_flags` apply only to a `source`: a module is already compiled");
     }
     // Of a source in no known language this is told where it is compiled.
     let Some(language) = language else { return Some(CompilerFlags::default()) };
@@ -352,7 +355,7 @@ impl Parse for PipelineEntry {
         let subgroup_size = table.optional::<Spanned<u32>>("subgroup_size");
         let odd = |size: &&Spanned<u32>| !size.value.is_power_of_two() || size.value > 128;
         if let Some(Spanned { span, .. }) = subgroup_size.as_ref().filter(odd) {
-            value.report().push(span.error("a subgroup has 1, 2, 4, ... or 128 invocations"));
+            value.report().push(span.error("a subgroup must have 1, 2, 4, ... or 128 invocations"));
         }
         let callable_depth = table.optional::<Spanned<u32>>("max_callable_depth");
         if let Some(Spanned { span, value: depth }) = &callable_depth
@@ -392,7 +395,7 @@ impl Parse for NamedPipelineEntry {
         let mut scenes_own = ["memory", "printed_bytes", "unbound"].into_iter().filter(|key| table.has(key));
         if let Some(key) = scenes_own.next() {
             let found = table.value(key)?;
-            return found.wrong(format!("`{key}` holds for all passes: it stands in `[pipeline]`"));
+            return found.wrong(format!("`{key}` applies to all passes: move it to `[pipeline]`"));
         }
         PipelineEntry::parse(value).map(Self)
     }
@@ -409,7 +412,7 @@ pub enum MissingDescriptors {
 }
 
 impl Named for MissingDescriptors {
-    const WHAT: &'static str = "policy for descriptors that nothing is bound to";
+    const WHAT: &'static str = "policy for unbound descriptors";
     const NAMES: &'static [(&'static str, Self)] = &[("trap", Self::Trap), ("zeros", Self::Zeros)];
 }
 
@@ -572,7 +575,7 @@ impl GivenRay {
         if self.payload.len() > words {
             let given = 4 * self.payload.len();
             let message =
-                format!("the ray's payload has {given} bytes, and the shaders declare {}", 4 * words);
+                format!("the ray's payload has {given} bytes, but the shaders declare {}", 4 * words);
             return Err(Error::new(ErrorKind::InvalidArgument, message));
         }
         let mut payload = self.payload.clone();
@@ -664,11 +667,14 @@ fn payload(value: TomlValue<'_>) -> Option<Vec<u32>> {
     let data = DataPieces::parse(value)?;
     let bytes = match data.encode(&DataSources::files(&EmbeddedFiles(&[]), &OpenModels::default())) {
         Ok(bytes) => bytes,
-        Err(_) => return value.wrong("the payload of a ray is given in place: `{ f32 = [1, 2] }`"),
+        Err(_) => return value.wrong("the payload of a ray must be written inline: `{ f32 = [1, 2] }`"),
     };
     let words = bytes.chunks_exact(4);
     if !words.remainder().is_empty() {
-        return value.wrong(format!("{} bytes: a payload is made of words of 4 bytes", bytes.len()));
+        return value.wrong(format!(
+            "the size of a payload must be a multiple of 4 bytes, found {} bytes",
+            bytes.len()
+        ));
     }
     Some(words.map(|word| u32::from_le_bytes([word[0], word[1], word[2], word[3]])).collect())
 }

@@ -260,9 +260,10 @@ impl Assembled {
             }
         };
         let Some(launch) = pass.launch() else {
-            let message = format!("pass {} dispatches a compute shader: it is no launch", pass.label(number));
+            let message =
+                format!("pass {} is a dispatch of a compute shader, not a launch", pass.label(number));
             return Err(Error::new(ErrorKind::InvalidArgument, message)
-                .note("`--invocation X,Y,Z` looks at an invocation of a dispatch"));
+                .note("select an invocation of a dispatch with `--invocation X,Y,Z`"));
         };
         let (pipeline, index, size) = (self.pass_pipeline(launch), launch.pipeline, launch.given_size);
         Ok(SingleLaunch { assembled: self, number, pass, pipeline, index, size })

@@ -24,7 +24,7 @@ impl Parse for UniformRange {
         if range[0] <= range[1] && range.iter().all(|x| x.is_finite()) {
             return Some(Self(range));
         }
-        value.wrong(format!("`{range:?}` is not a range from low to high"))
+        value.wrong(format!("`{range:?}` is not a range from a lower to a higher number"))
     }
 }
 
@@ -306,7 +306,7 @@ impl Ground {
         if ground.hills > 0.0 {
             return Some(ground);
         }
-        table.report().push(table.span().error("`hills` is the size of the hills: above 0"));
+        table.report().push(table.span().error("`hills`, the size of the hills, must be above 0"));
         None
     }
 
@@ -414,7 +414,7 @@ fn divisions(table: &Table<'_>, default: [u32; 2]) -> Option<[u32; 2]> {
     let Some(value) = table.value("divisions") else { return Some(default) };
     let [nx, nz] = <[u32; 2]>::parse(value)?;
     if nx == 0 || nz == 0 {
-        return value.wrong("a ground has at least one square each way");
+        return value.wrong("a ground must have at least one square in each direction");
     }
     let primitives = (u64::from(nx) * u64::from(nz)).saturating_mul(2);
     within_limit(table, primitives, &value.span()).then_some([nx, nz])

@@ -181,9 +181,11 @@ impl GeometryEntry {
         Some(entry.open(files, models).and_then(|(model, placed)| {
             let is_placed = placed.iter().any(|(_, transform)| *transform != glam::DMat4::IDENTITY);
             if is_placed {
-                let message = format!("`{name}` is transformed by nodes, and its attributes are not");
+                let message = format!("nodes transform `{name}`, but not its attributes");
                 let error = entry.file.span.error(message);
-                return Err(error.note("`mesh` takes one without its nodes, and `[[model]]` makes instances"));
+                return Err(error.note(
+                    "select one mesh without its nodes with `mesh`, or create instances with `[[model]]`",
+                ));
             }
             let parts = placed.iter().map(|(part, _)| *part).collect();
             let geometries = HashSet::from([name.to_string()]);
@@ -237,7 +239,7 @@ impl MeshEntry {
         let transform = parse_transform(table);
         let file = table.required("file")?;
         if let (Some(primitive), true) = (&primitive, merge) {
-            table.report().push(primitive.span.error("either one `primitive`, or all of them by `merge`"));
+            table.report().push(primitive.span.error("`primitive` and `merge` exclude each other"));
             return None;
         }
         Some(Shape::Mesh(Box::new(Self { format, file, name, primitive, merge, transform })))
@@ -265,11 +267,13 @@ impl MeshEntry {
         let count = placed.len();
         if let Some(Spanned { value: primitive, span }) = &self.primitive {
             if self.name.is_none() && model.meshes.len() > 1 {
-                let message = format!("`primitive` counts those of one {key}, and the file has several");
-                return Err(span.error(message).note(format!("there are: {}", model.contents())));
+                let message = format!("`primitive` is an index into one {key}, but the file has several");
+                return Err(span.error(message).note(format!("available: {}", model.contents())));
             }
             let Some(one) = placed.get(*primitive as usize) else {
-                return Err(span.error(format!("primitive {primitive} of {count}, which count from 0")));
+                return Err(span.error(format!(
+                    "primitive {primitive} is out of range: there are {count} (counted from 0)"
+                )));
             };
             placed = vec![*one];
         } else if count > 1 && !self.merge {
@@ -278,10 +282,10 @@ impl MeshEntry {
                 None => "the file".to_string(),
             };
             let error =
-                self.file.span.error(format!("{what} has {count} primitives, and a geometry takes one"));
-            return Err(error.note(format!("there are: {}", model.contents())).note(format!(
-                "say which by `{key}` and `primitive`, take all by `merge = true`, or make a geometry of each \
-                 by `[[model]]`"
+                self.file.span.error(format!("{what} has {count} primitives, but a geometry holds one"));
+            return Err(error.note(format!("available: {}", model.contents())).note(format!(
+                "select one with `{key}` and `primitive`, merge all with `merge = true`, or create one \
+                 geometry for each with `[[model]]`"
             )));
         }
         Ok((model, placed))
@@ -305,7 +309,7 @@ fn triangles(table: &Table<'_>) -> Option<Shape> {
         None => (vertices.value.len(), &vertices.span),
     };
     if corner_count % 3 != 0 {
-        table.report().push(span.error(format!("{corner_count} corners do not make whole triangles")));
+        table.report().push(span.error(format!("{corner_count} corners are not a multiple of three")));
         return None;
     }
     let indices = indices.map(|i| i.value.0);
@@ -375,7 +379,7 @@ fn linear_swept_spheres(table: &Table<'_>) -> Option<Shape> {
     let radii = radii_of(table, radii?, positions.len())?;
     if indexing == Indexing::Successive && !table.has("indices") {
         let rule = "VUID-VkAccelerationStructureGeometryLinearSweptSpheresDataNV-indexingMode-10427";
-        let message = "mode \"successive\" needs `indices`, one a segment";
+        let message = "mode \"successive\" requires `indices`, one per segment";
         table.report().push(table.span().error(message).note(rule));
         return None;
     }
@@ -384,7 +388,7 @@ fn linear_swept_spheres(table: &Table<'_>) -> Option<Shape> {
     check_indices(table, indices.as_ref(), usable, "positions that begin a segment");
     let odd = |indices: &&Spanned<Flat>| indexing == Indexing::List && indices.value.0.len() % 2 == 1;
     if let Some(indices) = indices.as_ref().filter(odd) {
-        table.report().push(indices.span.error("mode \"list\" takes two indices a segment"));
+        table.report().push(indices.span.error("mode \"list\" requires two indices per segment"));
         return None;
     }
     let indices = indices.map(|i| i.value.0);
@@ -417,7 +421,9 @@ impl Parse for Flat {
 fn check_indices(table: &Table<'_>, indices: Option<&Spanned<Flat>>, count: usize, of: &str) {
     let Some(indices) = indices else { return };
     if let Some(index) = indices.value.0.iter().find(|index| **index as usize >= count) {
-        table.report().push(indices.span.error(format!("index {index} is beyond the {count} {of}")));
+        table
+            .report()
+            .push(indices.span.error(format!("index {index} is out of range: there are {count} {of}")));
     }
 }
 

@@ -300,7 +300,7 @@ struct PngConversion {
 impl PngConversion {
     fn new(format: Format, encoding: PixelEncoding) -> Result<Self> {
         if format.class() != Class::Float && format.component != Component::Uint8 {
-            return Err(invalid(format!("a PNG shows colours, not {} texels", format_name(format))));
+            return Err(invalid(format!("a PNG file cannot store {} texels", format_name(format))));
         }
         Ok(Self {
             format,

@@ -57,7 +57,7 @@ fn check(scene: &ResolvedScene, indirect: &IndirectSize) -> Result<()> {
         return Ok(());
     }
     let message = format!(
-        "a size of 12 bytes at offset {} goes past the end of `{}`, which has {size} bytes",
+        "the size, 12 bytes at offset {}, extends past the end of `{}`, which has {size} bytes",
         indirect.offset, indirect.buffer
     );
     let rules = "VUID-vkCmdDispatchIndirect-offset-00407, \

@@ -168,8 +168,8 @@ impl Parse for TextureReference {
         if let Some(all) = table.value("textures") {
             texture = match all.text() {
                 Some("all") if !table.has("texture") => Some(TextureChoice::All),
-                Some("all") => all.wrong("either one `texture` or all `textures` of the file"),
-                _ => all.wrong("`textures` is `\"all\"`: each is an element of an array"),
+                Some("all") => all.wrong("`texture` and `textures` exclude each other"),
+                _ => all.wrong("`textures` must be `\"all\"`: each texture becomes an element of an array"),
             };
         }
         table.finish();
@@ -202,8 +202,8 @@ impl TextureReference {
         let slot = match self.texture {
             TextureChoice::TextureSlot(slot) => slot,
             TextureChoice::All => {
-                let message =
-                    "all textures of a file are the elements of an array, and no layers of an image";
+                let message = "`textures = \"all\"` fills the elements of an array of descriptors, not the layers \
+                     of an image";
                 return Err(self.span.error(message));
             }
             TextureChoice::OneOfAll(number) => {
@@ -211,7 +211,8 @@ impl TextureReference {
             }
             TextureChoice::Number(number) => {
                 let count = model.textures.len();
-                let message = || format!("texture {number} of {count}, which count from 0");
+                let message =
+                    || format!("texture {number} is out of range: there are {count} (counted from 0)");
                 let texture =
                     model.textures.get(number as usize).ok_or_else(|| self.span.error(message()))?;
                 return Ok((texture, None));
@@ -221,7 +222,7 @@ impl TextureReference {
         let first = found.next().flatten();
         if found.any(|other| other != first) {
             let message =
-                format!("the geometries of `{}` have several textures `{}`", self.mesh.value, slot.name());
+                format!("the geometries of `{}` have different textures `{}`", self.mesh.value, slot.name());
             let names = parts.iter().map(|part| model.parts[*part].name.as_str());
             let error = self.mesh.span.error(message);
             return Err(error.note(format!("name one of its geometries: {}", list_of(names))));
@@ -261,7 +262,7 @@ impl<'m> SceneMeshes<'m> {
             let mut names: Vec<&str> = self.names.keys().map(String::as_str).collect();
             sort(&mut names);
             let message = format!("no mesh is named `{}`", name.value);
-            let otherwise = "a mesh is a geometry with a file, or one of a `[[model]]`";
+            let otherwise = "a mesh is a geometry with a `file`, or a mesh of a `[[model]]`";
             Err(unknown_name(name, message, otherwise, || names.iter().copied()))
         })
     }
@@ -300,7 +301,7 @@ impl MeshPiece {
                 return None;
             }
             _ => {
-                return wrong("of a mesh one of `attribute`, `table` and `material` is needed");
+                return wrong("a piece with `mesh` needs one of `attribute`, `table` and `material`");
             }
         };
         if mesh.is_none() && !matches!(content, MeshContent::Instances { .. }) {
@@ -467,8 +468,10 @@ fn check_rows<K>(columns: &[Column<K>], count: usize) -> Result<()> {
         if let Column::Given { rows, span } = column
             && rows.len() != count
         {
-            let message = format!("the column has {} rows, and the table {count}", rows.len());
-            return Err(span.error(message).note("a number that is no list is for every row: `{ u32 = 7 }`"));
+            let message = format!("the column has {} rows, but the table has {count}", rows.len());
+            return Err(span
+                .error(message)
+                .note("a number without a list applies to every row: `{ u32 = 7 }`"));
         }
     }
     Ok(())
@@ -486,7 +489,7 @@ fn vertices(table: &Table<'_>, mut attributes: Vec<Spanned<String>>) -> Option<M
     }
     let missing = table.optional::<Spanned<OneOrMore<f32>>>("missing");
     if let Some(missing) = missing.as_ref().filter(|missing| missing.value.0.len() > 4) {
-        table.report().push(missing.span.error("an attribute has at most four numbers"));
+        table.report().push(missing.span.error("an attribute must have at most four numbers"));
         return None;
     }
     for attribute in &mut attributes {
@@ -501,7 +504,7 @@ fn vertices(table: &Table<'_>, mut attributes: Vec<Spanned<String>>) -> Option<M
             None | Some(([AttributeFormat::U32], _)) => false,
             Some(([AttributeFormat::U16], _)) => true,
             Some((_, span)) => {
-                table.report().push(span.error("the format of indices is `u16` or `u32`"));
+                table.report().push(span.error("the format of indices must be `u16` or `u32`"));
                 return None;
             }
         };
@@ -584,7 +587,7 @@ impl Rows<'_> {
         match too_large {
             None => Ok(()),
             Some(number) => {
-                Err(span.error(format!("row {row} has the number {number}, too large for its column")))
+                Err(span.error(format!("the number {number} in row {row} is too large for its column")))
             }
         }
     }
@@ -625,7 +628,7 @@ fn vertex_rows(
                 let message = format!("`{}` has no attribute `{}`", known.name, attribute.value);
                 let names = known.attributes.iter().map(String::as_str).chain(["index"]);
                 let error = attribute.span.error(message).note(format!("it has: {}", list_of(names)));
-                return Err(error.note("`missing = [0, 0, 1]` stands in place of one that is not there"));
+                return Err(error.note("set a default for missing attributes with `missing = [0, 0, 1]`"));
             }
         });
     }

@@ -150,7 +150,7 @@ fn names_that_clash_are_mistakes() {
     assert!(mistake(own).contains("two geometries or meshes are named `floor`"), "{}", mistake(own));
     let twice = mistake("[[model]]\nfile = 'room.gltf'\n[[model]]\nfile = 'room.gltf'\n");
     assert!(twice.contains("two geometries or meshes are named `lamp.1`"), "{twice}");
-    assert!(twice.contains("`name = \"...\"` of a model stands before the names of its meshes"), "{twice}");
+    assert!(twice.contains("set `name = \"...\"` on the model to prefix the names of its meshes"), "{twice}");
     let unknown = mistake("[[model]]\nfile = 'room.gltf'\n[model.meshes.flor]\nmask = 1\n");
     assert!(unknown.contains("the file has no mesh `flor`"), "{unknown}");
     assert!(unknown.contains("did you mean `floor`?"), "{unknown}");
@@ -165,15 +165,15 @@ fn a_geometry_of_several_primitives_says_which() {
         scene.tlas[0].1.instances()[0].blas.geometries()[0].data.primitive_count()
     };
     let all = mistake(&geometry("type = 'gltf'\nfile = 'room.gltf'"));
-    assert!(all.contains("the file has 3 primitives, and a geometry takes one"), "{all}");
+    assert!(all.contains("the file has 3 primitives, but a geometry holds one"), "{all}");
     assert!(all.contains("there are: floor, lamp (2 primitives)"), "{all}");
-    assert!(all.contains("say which by `mesh` and `primitive`, take all by `merge = true`"), "{all}");
+    assert!(all.contains("select one with `mesh` and `primitive`, merge all with `merge = true`"), "{all}");
     let lamp = mistake(&geometry("type = 'gltf'\nfile = 'room.gltf'\nmesh = 'lamp'"));
-    assert!(lamp.contains("`lamp` has 2 primitives, and a geometry takes one"), "{lamp}");
+    assert!(lamp.contains("`lamp` has 2 primitives, but a geometry holds one"), "{lamp}");
     let house = mistake(&geometry("type = 'obj'\nfile = 'house.obj'"));
     assert!(house.contains("there are: house (2 primitives), roof"), "{house}");
     let beyond = mistake(&geometry("type = 'gltf'\nfile = 'room.gltf'\nmesh = 'lamp'\nprimitive = 2"));
-    assert!(beyond.contains("primitive 2 of 2, which count from 0"), "{beyond}");
+    assert!(beyond.contains("primitive 2 is out of range: there are 2 (counted from 0)"), "{beyond}");
     assert_eq!(count("type = 'gltf'\nfile = 'room.gltf'\nmerge = true"), 3);
     assert_eq!(count("type = 'gltf'\nfile = 'room.gltf'\nmesh = 'lamp'\nprimitive = 1"), 1);
     assert_eq!(count("type = 'obj'\nfile = 'house.obj'\nobject = 'house'\nmerge = true"), 2);
@@ -295,12 +295,12 @@ fn tables_have_numbers_of_the_scene_and_of_materials() {
         mistake(&format!("push_constants = {piece}\n[[model]]\nfile = 'room.gltf'\n"))
     };
     for (columns, words) in [
-        ("{ u32 = [1, 2, 3] }", "the column has 3 rows, and the table 2"),
-        ("{ u32 = [[1, 2], [3]] }", "each row of a column has as many numbers"),
+        ("{ u32 = [1, 2, 3] }", "the column has 3 rows, but the table has 2"),
+        ("{ u32 = [[1, 2], [3]] }", "all rows of a column must have the same number of values"),
         ("{ u8 = [1, 256] }", "256"),
-        ("{ u8 = 1, u16 = 2 }", "a column has numbers of one type"),
+        ("{ u8 = 1, u16 = 2 }", "a column must have numbers of one type"),
         ("{ every = {} }", "one list of numbers with their type"),
-        ("{ column = 'metallic', type = 'u8' }", "`type` is of a column of whole numbers"),
+        ("{ column = 'metallic', type = 'u8' }", "`type` applies only to columns of integers"),
         ("{ column = 'material', type = 'f32' }", "`f32`"),
         ("'base_colour'", "did you mean `base_color`?"),
     ] {
@@ -324,7 +324,7 @@ fn a_number_that_does_not_fit_its_column_is_a_mistake() {
     };
     // 85 triangles are before the second: 255, which would be what is not there.
     let error = load("{ column = 'first_index', type = 'u8' }").unwrap_err().render();
-    assert!(error.contains("row 1 has the number 255, too large for its column"), "{error}");
+    assert!(error.contains("the number 255 in row 1 is too large for its column"), "{error}");
     let scene = load("{ column = 'first_index', type = 'u16' }").unwrap();
     assert_eq!(scene.push_constants.bytes().unwrap(), [0, 0, 255, 0]);
 }
@@ -357,7 +357,7 @@ fn tables_point_to_what_their_numbers_count() {
     let count = of(
         "{ mesh = 'lamp', table = 'geometries', columns = { address_of = 'a', stride = 4, by = 'vertex_count' } }",
     );
-    assert!(count.contains("`by` is a column that counts elements, from 0"), "{count}");
+    assert!(count.contains("`by` must name a column of indices"), "{count}");
     assert!(count.contains("one of: first_vertex, first_index, first_triangle, mesh, material"), "{count}");
     let missing =
         of("{ mesh = 'lamp', table = 'geometries', columns = { address_of = 'a', by = 'material' } }");
@@ -375,14 +375,14 @@ fn mistakes_in_pieces_list_what_there_is() {
     let unknown = of("{ mesh = 'flor', attribute = 'normal' }");
     assert!(unknown.contains("no mesh is named `flor`"), "{unknown}");
     assert!(unknown.contains("there are: floor, lamp, lamp.0, lamp.1"), "{unknown}");
-    assert!(of("{ mesh = 'floor' }").contains("one of `attribute`, `table` and `material` is needed"));
+    assert!(of("{ mesh = 'floor' }").contains("needs one of `attribute`, `table` and `material`"));
     assert!(of("{ table = 'materials' }").contains("`mesh` is missing"));
     let stride = of("{ mesh = 'floor', attribute = 'normal', stride = 8 }");
     assert!(stride.contains("the `stride` is less than the 12 bytes of a row"), "{stride}");
     let formats = of("{ mesh = 'floor', attribute = ['normal', 'position'], format = 'f32x3' }");
     assert!(formats.contains("1 formats for 2 attributes"), "{formats}");
     let index = of("{ mesh = 'floor', attribute = 'index', format = 'f32x3' }");
-    assert!(index.contains("the format of indices is `u16` or `u32`"), "{index}");
+    assert!(index.contains("the format of indices must be `u16` or `u32`"), "{index}");
 }
 
 #[test]
@@ -419,7 +419,7 @@ fn textures_and_samplers_come_from_materials() {
     assert!(emissive.contains("`floor` has no texture `emissive`"), "{emissive}");
     assert!(emissive.contains("its material has: base_color, normal"), "{emissive}");
     let beyond = missing("mesh = 'floor', texture = 2");
-    assert!(beyond.contains("texture 2 of 2, which count from 0"), "{beyond}");
+    assert!(beyond.contains("texture 2 is out of range: there are 2 (counted from 0)"), "{beyond}");
 }
 
 /// The floor's base colour is texture 0, its normal map texture 1; each has its own sampler.
@@ -467,11 +467,14 @@ fn arrays_of_textures_that_are_none() {
         ))
     };
     let some = of("file = { mesh = 'floor', textures = 'some' }");
-    assert!(some.contains("`textures` is `\"all\"`"), "{some}");
+    assert!(some.contains("`textures` must be `\"all\"`"), "{some}");
     let both = of("file = { mesh = 'floor', texture = 0, textures = 'all' }");
-    assert!(both.contains("either one `texture` or all `textures` of the file"), "{both}");
+    assert!(both.contains("`texture` and `textures` exclude each other"), "{both}");
     let layers = of("dimension = '2d_array'\nfile = [{ mesh = 'floor', textures = 'all' }, 'tile.png']");
-    assert!(layers.contains("all textures of a file are the elements of an array"), "{layers}");
+    assert!(
+        layers.contains("`textures = \"all\"` fills the elements of an array of descriptors"),
+        "{layers}"
+    );
     let unknown = of("file = { mesh = 'flor', textures = 'all' }");
     assert!(unknown.contains("no mesh is named `flor`"), "{unknown}");
 }
@@ -496,7 +499,7 @@ fn cameras_of_files_are_used() {
     assert_eq!(matrices[42..44], [-8.0 / 7.5, -1.0]);
     let unknown = mistake("push_constants = { view = { file = 'room.gltf', name = 'ear' } }\n");
     assert!(unknown.contains("the file has no camera `ear`"), "{unknown}");
-    assert!(unknown.contains("the cameras here are: eye"), "{unknown}");
+    assert!(unknown.contains("cameras in the file: eye"), "{unknown}");
     let none = mistake("push_constants = { view = { file = 'house.obj' } }\n");
     assert!(none.contains("the file has no camera"), "{none}");
 }

@@ -55,7 +55,7 @@ impl Parse for State {
             Toml::String(_) => Opacity::parse(value)?,
             _ => match u8::parse(value)? {
                 number @ 0..=3 => Opacity::from_bits(number),
-                _ => return value.wrong("a state is 0 to 3, or a name such as \"unknown_opaque\""),
+                _ => return value.wrong("a state must be 0 to 3, or a name such as \"unknown_opaque\""),
             },
         };
         Some(Self(Spanned { value: opacity, span: value.span() }))
@@ -72,7 +72,7 @@ impl States {
         let mut triangle = MicromapTriangle { format, subdivision_level, states: Vec::new() };
         if states.len() != triangle.len() {
             return value.wrong(format!(
-                "{} states: a triangle has 4^n microtriangles, 1, 4, 16, 64, ...",
+                "the number of states must be a power of four (1, 4, 16, 64, ...), found {}",
                 states.len()
             ));
         }
@@ -84,7 +84,9 @@ impl States {
         for (at, State(state)) in states.iter().enumerate() {
             let number = state.value as u8;
             if number >> bits != 0 {
-                value.report().push(state.span.error("a 2_state micromap is transparent (0) or opaque (1)"));
+                value.report().push(
+                    state.span.error("the states of a 2_state micromap are transparent (0) and opaque (1)"),
+                );
                 return None;
             }
             triangle.states[at / per_byte] |= number << (at % per_byte * bits);
@@ -146,7 +148,7 @@ mod tests {
         assert!(said("opacity_micromap = { triangles = [[0, 1, 1]] }").contains("3 states"));
         assert!(said("opacity_micromap = { triangles = [[4]] }").contains("0 to 3"));
         let two = said("opacity_micromap = { format = \"2_state\", triangles = [[2]] }");
-        assert!(two.contains("transparent (0) or opaque (1)"), "{two}");
+        assert!(two.contains("transparent (0) and opaque (1)"), "{two}");
         assert!(said("opacity_micromap = { indices = [\"fully\"] }").contains("special index"));
         assert!(said("opacity_micromap = { levels = 3 }").contains("unknown key"));
     }

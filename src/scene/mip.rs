@@ -17,7 +17,9 @@ use crate::scene::image::{texel_bytes, texel_numbers};
 /// A message for integer formats, which have no means.
 pub fn generate(format: Format, shape: &ImageShape, level0: &[u8]) -> Result<Vec<u8>, String> {
     if format.class() != Class::Float {
-        return Err("levels of integers are given, not generated: the mean of integers is none".to_string());
+        return Err(
+            "levels of integer formats cannot be generated: provide the texels of every level".to_string()
+        );
     }
     let decoder = TexelDecoder::new(format);
     let [width, height, depth] = shape.extent.map(|side| side as usize);

@@ -60,7 +60,7 @@ enum Count {
 }
 
 impl Named for Count {
-    const WHAT: &'static str = "number that counts what is in a model";
+    const WHAT: &'static str = "index of a model's contents";
     const NAMES: &'static [(&'static str, Self)] = &[
         ("instance", Self::Instance),
         ("mesh", Self::Mesh),
@@ -82,7 +82,9 @@ impl Parse for Opaque {
     fn parse(value: TomlValue<'_>) -> Option<Self> {
         match value.text() {
             Some("alpha_mode") => Some(Self::ByMaterial),
-            Some(_) => value.wrong("`opaque` is true, false, or `\"alpha_mode\"` by the materials"),
+            Some(_) => {
+                value.wrong("`opaque` must be true, false, or `\"alpha_mode\"` to follow the materials")
+            }
             None => bool::parse(value).map(|all| if all { Self::All } else { Self::None }),
         }
     }
@@ -171,7 +173,8 @@ impl Expanded {
         let clash = |name: &str, known: bool| {
             if known || is_taken(name) {
                 let error = span.error(format!("two geometries or meshes are named `{name}`"));
-                report.push(error.note("`name = \"...\"` of a model stands before the names of its meshes"));
+                report
+                    .push(error.note("set `name = \"...\"` on the model to prefix the names of its meshes"));
             }
         };
         let whole = |name: &str| Spanned { value: name.to_string(), span: entry.file.span.clone() };
@@ -217,13 +220,9 @@ impl Expanded {
             return;
         }
         if model.nodes.is_empty() {
-            report.push(
-                entry
-                    .file
-                    .span
-                    .error("no node of the file's scene has a mesh")
-                    .note("`instances = false` makes geometries alone, and `[[instance]]` places them"),
-            );
+            report.push(entry.file.span.error("no node of the scene in the file has a mesh").note(
+                "to create only geometries, set `instances = false`, and place them with `[[instance]]`",
+            ));
         }
         let own = entry.transform.map(|rows| matrix_of(&rows));
         for (at, node) in (0..).zip(&model.nodes) {
@@ -281,7 +280,7 @@ impl ModelEntry {
                     None => "no such mesh".to_string(),
                 };
                 let error = name.span.error_with(format!("the file has no mesh `{}`", name.value), label);
-                report.push(error.note(format!("the meshes here are: {}", list_of(names()))));
+                report.push(error.note(format!("meshes in the file: {}", list_of(names()))));
                 continue;
             };
             keys[at] = own.or(&self.all);

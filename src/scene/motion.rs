@@ -12,7 +12,7 @@ pub(super) fn motion(table: &Table<'_>, transform: [[f32; 4]; 3]) -> Option<Moti
     };
     let other_keys = ["motion", "transform", "scale", "rotate", "translate"];
     if let Some(other) = other_keys.into_iter().find(|other| table.has(other)) {
-        return table.value(other)?.wrong(format!("`srt` gives the whole transform: no `{other}` beside it"));
+        return table.value(other)?.wrong(format!("`srt` is the whole transform and excludes `{other}`"));
     }
     let [first, second] = <[SrtKey; 2]>::parse(keys)?;
     Some(Motion::Srt(Box::new([first.0, second.0])))
@@ -28,7 +28,7 @@ impl Parse for MatrixKey {
         let given = ["transform", "scale", "rotate", "translate"].iter().any(|key| table.has(key));
         table.finish();
         if !given {
-            return value.wrong("a motion is `transform` at time 1, or `scale`, `rotate` and `translate`");
+            return value.wrong("a motion needs `transform` at time 1, or `scale`, `rotate` and `translate`");
         }
         matrix.map(Self)
     }
@@ -47,7 +47,7 @@ impl Parse for SrtKey {
         let rotate = table.optional::<Rotation>("rotate");
         let quaternion = table.optional("quaternion");
         if let (Some(value), true) = (table.value("rotate"), table.has("quaternion")) {
-            return value.wrong("give `rotate` or `quaternion`, but not both");
+            return value.wrong("`rotate` and `quaternion` exclude each other");
         }
         let rotation = rotate.map(|rotation| rotation.quaternion());
         let key = Srt {
@@ -127,9 +127,9 @@ mod tests {
             let message = matrix(text, 0.0).expect_err("a mistake");
             assert!(message.contains(part), "{message}");
         };
-        wrong("motion = { }", "a motion is `transform` at time 1");
+        wrong("motion = { }", "a motion needs `transform` at time 1");
         wrong("motion = { scale = 0 }", "at time 1 is singular");
-        wrong("scale = 2\nsrt = [{ }, { }]", "no `scale` beside it");
+        wrong("scale = 2\nsrt = [{ }, { }]", "excludes `scale`");
         wrong("srt = [{ }]", "2");
         wrong("srt = [{ }, { quaternion = [0, 0, 0, 0] }]", "at time 1 is singular");
     }

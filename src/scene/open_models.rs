@@ -25,7 +25,7 @@ impl OpenModels {
             Some(format) => self.open_as(format, file, files),
             None => Err(file
                 .span
-                .error(format!("`{}` is no mesh file", file.value))
+                .error(format!("`{}` is not a mesh file", file.value))
                 .note("mesh files end in .gltf, .glb or .obj")),
         }
     }

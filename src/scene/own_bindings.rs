@@ -131,12 +131,15 @@ fn unseen(
         let Binding { set, binding } = at;
         let message = format!("two resources at set {set}, binding {binding}");
         let error = Error::new(ErrorKind::InvalidScene, message);
-        let error = error.at_with(one.elements[0].place.clone(), "no pass finds this one");
+        let error = error.at_with(one.elements[0].place.clone(), "no pass uses this one");
         let error = match other {
             Some(other) => error.at_with(other.place.clone(), "the other one"),
             None => error,
         };
-        error.note("each pass finds the one of the type that its shaders declare; `passes` of a resource lists passes")
+        error.note(
+            "each pass uses the resource of the type that its shaders declare; assign resources \
+            to passes with `passes`",
+        )
     };
     unseen.map(error).collect()
 }
@@ -179,7 +182,7 @@ fn found_by(
             Err(Error::new(ErrorKind::InvalidScene, message)
                 .at(second)
                 .at_with(first, "the other one")
-                .note("`passes` of a resource lists the passes that find it"))
+                .note("assign each resource to passes with `passes`"))
         }
     }
 }

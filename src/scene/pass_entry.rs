@@ -21,7 +21,7 @@ fn launch_size(value: TomlValue<'_>) -> Option<Spanned<[u32; 3]>> {
     let Spanned { value: size, span } = sides(value)?;
     let count = size.iter().fold(1_u128, |count, side| count * u128::from(*side));
     if count == 0 || count > u128::from(MAX_LAUNCH) {
-        return value.wrong(format!("{count} invocations: a launch has 1 to 2^30"));
+        return value.wrong(format!("a launch must have 1 to 2^30 invocations, found {count}"));
     }
     Some(Spanned { value: size, span })
 }
@@ -30,7 +30,7 @@ fn launch_size(value: TomlValue<'_>) -> Option<Spanned<[u32; 3]>> {
 fn sides(value: TomlValue<'_>) -> Option<Spanned<[u32; 3]>> {
     let Spanned { value: OneOrMore(given), span } = Spanned::<OneOrMore<u32>>::parse(value)?;
     if given.is_empty() || given.len() > 3 {
-        return value.wrong("one to three sizes are needed: `[width, height, depth]`");
+        return value.wrong("expected one to three sizes: `[width, height, depth]`");
     }
     let mut size = [1; 3];
     size[..given.len()].copy_from_slice(&given);
@@ -141,7 +141,7 @@ impl Parse for PassEntry {
         let of_a_launch = table.has("raygen") || table.has("pipeline");
         if of_a_launch && !launches || launches && table.has("groups") {
             return value.wrong(
-                "a pass is a launch from a `raygen` of a `pipeline`, or a dispatch of a compute `shader`",
+                "a pass must be either a launch (`pipeline`, `raygen`) or a dispatch (`shader`, `groups`)",
             );
         }
         let name = table.optional("name");
@@ -190,7 +190,7 @@ impl PassKey {
             .collect();
         match all.is_empty() {
             true => "the scene has no pass".to_owned(),
-            false => format!("the passes are: {}", list_of(all.iter().map(String::as_str))),
+            false => format!("passes: {}", list_of(all.iter().map(String::as_str))),
         }
     }
 }
@@ -206,7 +206,7 @@ impl Parse for PassKey {
         match value.toml() {
             Toml::Integer(..) => u32::parse(value).map(|number| Self(number.to_string())),
             _ if value.text().is_some() => String::parse(value).map(Self),
-            _ => value.expected("the name of a pass, or its number"),
+            _ => value.expected("the name or number of a pass"),
         }
     }
 }

@@ -66,7 +66,7 @@ fn every_key_is_described() {
         let all = [&error].into_iter().chain(error.others());
         let unknown = all.into_iter().find(|error| error.message() == "unknown key `zzz`");
         let notes = unknown.unwrap_or_else(|| panic!("{text}: {error:?}")).notes();
-        let keys = notes[0].strip_prefix("the keys here are: ").expect("a note that lists the keys");
+        let keys = notes[0].strip_prefix("valid keys: ").expect("a note that lists the keys");
         for key in keys.split(", ") {
             assert!(is_described(key), "`{key}`, a key of {text}");
         }

@@ -107,9 +107,10 @@ pub fn refuse_module(path: &Path, bytes: &[u8]) -> Result<()> {
     if !matches!(bytes, [0x03, 0x02, 0x23, 0x07, ..] | [0x07, 0x23, 0x02, 0x03, ..]) {
         return Ok(());
     }
-    let message = "it is a SPIR-V module, and a scene or test file (TOML) is needed here";
+    let message = "the file is a SPIR-V module, expected a scene or test file (TOML)";
     Err(Error::new(ErrorKind::InvalidScene, message).at(Place::File(path.to_path_buf())).note(
-        "help: `anyhit run`, `smoke` and `inspect` take modules; `anyhit scene --init MODULE` writes a first scene",
+        "help: pass modules to `anyhit run`, `smoke` or `inspect`, or create a scene with `anyhit scene \
+         --init MODULE`",
     ))
 }
 
@@ -133,7 +134,7 @@ fn include(
     for wanted in &file.include {
         let path = file.source().sibling(&wanted.value);
         if open.contains(&path) {
-            report.push(wanted.span.error("an include that never ends"));
+            report.push(wanted.span.error("cyclic include"));
             continue;
         }
         let count = (parts.len() + open.len() + 1) as u64;
@@ -258,7 +259,7 @@ impl<'a> Resolver<'a> {
         if let Some(variant) = chosen_variant(options, variants, report) {
             let unknown = |entry: &Entry<ShaderEntry>| all.shader_entries.get(&entry.name.value).is_none();
             for entry in variant.shaders.iter().filter(|entry| unknown(entry)) {
-                let message = format!("there is no shader `{}` to replace", entry.name.value);
+                let message = format!("no shader `{}` to replace", entry.name.value);
                 report.push(entry.name.span.error(message));
             }
             all.shader_entries.merge(variant.shaders);
@@ -273,7 +274,7 @@ impl<'a> Resolver<'a> {
     fn resolve(mut self) -> Option<ResolvedScene> {
         let count = self.launch.iter().fold(1_u128, |count, side| count * u128::from(*side));
         if count == 0 || count > 1 << 30 {
-            let message = format!("a launch of {:?} is not 1 to 2^30 invocations", self.launch);
+            let message = format!("a launch of {:?} does not have 1 to 2^30 invocations", self.launch);
             self.report.push(Error::new(ErrorKind::InvalidArgument, message));
             return None;
         }
@@ -336,7 +337,7 @@ impl<'a> Resolver<'a> {
         if !self.has_launch {
             let path = escape::path(&self.own.source().path);
             self.report.note(format!(
-                "{path}: no `launch`{of}: one invocation runs; `launch = [WIDTH, HEIGHT]` asks for more"
+                "{path}: no `launch`{of}: one invocation runs; set the size with `launch = [WIDTH, HEIGHT]`"
             ));
         }
     }
@@ -458,33 +459,30 @@ mod tests {
     fn a_pass_says_what_is_wrong_with_it() {
         let head = "version = 1\n[shaders.all]\npath = 'all.spv'\n[pipeline]\nraygen = 'all:first'\n";
         for (more, told) in [
-            ("[[pass]]\ngroups = 1\n", "a pass is a launch from a `raygen` of a `pipeline`, or a dispatch"),
-            ("[[pass]]\nraygen = 'all:fist'\n", "the pipeline has no `raygen` of the name `all:fist`"),
+            ("[[pass]]\ngroups = 1\n", "a pass must be either a launch (`pipeline`, `raygen`) or a dispatch"),
+            ("[[pass]]\nraygen = 'all:fist'\n", "the pipeline has no `raygen` named `all:fist`"),
             ("[[pass]]\nraygen = 'x'\n", "there are: all:first"),
             (
                 "[[pass]]\nraygen = 'all:first'\n[[dispatch]]\nshader = 'all'\n",
-                "there is no `[[dispatch]]` beside it",
+                "`[[pass]]` and `[[dispatch]]` exclude each other",
             ),
             ("[[pass]]\npipeline = 'ao'\n", "no pipeline is named `ao`"),
             (
                 "[[pass]]\npipeline = 'ao'\nshader = 'all'\n",
-                "a pass is a launch from a `raygen` of a `pipeline`",
+                "a pass must be either a launch (`pipeline`, `raygen`)",
             ),
             ("[pipelines.ao]\n[[pass]]\npipeline = 'ao'\n", "the pipeline of this pass has no `raygen`"),
             (
                 "[pipelines.ao]\nmemory = 'robust'\n",
-                "`memory` holds for all passes: it stands in `[pipeline]`",
+                "`memory` applies to all passes: move it to `[pipeline]`",
             ),
             (
                 "[[pass]]\nraygen = 'all:first'\nname = 'a'\n[[pass]]\nshader = 'all'\nname = 'a'\n",
                 "two passes are named `a`",
             ),
-            ("[[pass]]\nshader = 'all'\nname = '1'\n", "numbers count the passes, from 0"),
+            ("[[pass]]\nshader = 'all'\nname = '1'\n", "numbers are the indices of passes"),
             ("[[pass]]\nshader = 'all'\n[[ray]]\npixel = [0, 0]\npass = 0\n", "a ray needs a launch"),
-            (
-                "[[pass]]\nshader = 'all'\nname = 'x'\n[[ray]]\npixel = [0, 0]\npass = 'y'\n",
-                "the passes are: 0 `x`",
-            ),
+            ("[[pass]]\nshader = 'all'\nname = 'x'\n[[ray]]\npixel = [0, 0]\npass = 'y'\n", "passes: 0 `x`"),
             ("[[ray]]\npixel = [0, 0]\npass = 1\n", "the scene has no pass `1`"),
             ("[[pass]]\nshader = 'all'\nresources = { a = 'b' }\n", "no resource is named `a`"),
             (
@@ -496,7 +494,7 @@ mod tests {
             (
                 "[[pass]]\nshader = 'all'\nresources = { a = 'b' }\n[resources.a]\ntype = 'buffer'\nsize = 4\n\
                  [resources.b]\ntype = 'buffer'\nsize = 4\n",
-                "`a` is bound nowhere",
+                "`a` is not bound",
             ),
         ] {
             let text = format!("{head}{more}");

@@ -182,7 +182,8 @@ impl Parse for ResourceEntry {
             let found = table.refused(key);
             found.and_then(|found| {
                 found.wrong::<()>(format!(
-                    "a `buffer` is bound nowhere and has no `{key}`: that of a descriptor is a `storage_buffer`"
+                    "a `buffer` is not bound to a descriptor and has no `{key}`: use `storage_buffer` to \
+                     bind it"
                 ))
             });
         }
@@ -225,7 +226,7 @@ impl Parse for ResourceEntry {
 /// Reads the elements of an array, each with the keys of a resource of its type.
 fn elements_of(value: TomlValue<'_>, kind: DescriptorKind) -> Option<Vec<Content>> {
     let Some(elements) = value.elements() else {
-        return value.expected("an array with a table for each element: `[{ file = \"a.png\" }, ...]`");
+        return value.expected("an array of tables, one for each element: `[{ file = \"a.png\" }, ...]`");
     };
     let mut contents = Some(Vec::new());
     for element in elements {
@@ -240,7 +241,7 @@ fn elements_of(value: TomlValue<'_>, kind: DescriptorKind) -> Option<Vec<Content
         });
     }
     if contents.as_ref().is_some_and(Vec::is_empty) {
-        return value.wrong("an array of descriptors has at least one element");
+        return value.wrong("an array of descriptors must have at least one element");
     }
     contents
 }
@@ -260,7 +261,7 @@ impl Content {
         );
         if let Some(null) = table.value("null").filter(|_| !nullable) {
             return null
-                .wrong("only buffers and acceleration structures may be null here, no image or sampler");
+                .wrong("only buffers and acceleration structures can be null, not images or samplers");
         }
         let is_view = ViewEntry::is_one(table, kind);
         if kind.is_dynamic() && !is_view {
@@ -269,7 +270,8 @@ impl Content {
                 table.refused(key);
             }
             return wrong(
-                "a dynamic descriptor is of a range of another resource: `buffer` names it, and `range` is its size",
+                "a dynamic descriptor refers to a range of another buffer: set `buffer` to its name and \
+                 `range` to its size",
             );
         }
         if !is_view {
@@ -314,7 +316,7 @@ fn element(table: &Table<'_>) -> u32 {
 
 /// The error of an element that no shader can address.
 pub(super) fn too_many_elements(span: &Span) -> Error {
-    span.error(format!("an array of descriptors has at most {} elements", 1 << ELEMENT_BITS))
+    span.error(format!("an array of descriptors must have at most {} elements", 1 << ELEMENT_BITS))
 }
 
 /// A buffer as a scene writes it.
@@ -341,7 +343,7 @@ impl BufferEntry {
             }
         }
         if !table.has("data") && !table.has("size") {
-            table.report().push(table.span().error("a buffer needs `data`, or its `size` in bytes"));
+            table.report().push(table.span().error("a buffer needs `data`, or a `size` in bytes"));
             return None;
         }
         Some(Self { data, size, address })

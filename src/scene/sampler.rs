@@ -84,7 +84,9 @@ impl Parse for Sampler {
                 [u, v] => [u, v, AddressMode::Repeat],
                 [u, v, w] => [u, v, w],
                 _ => {
-                    value.report().push(span.error("`address_mode` is one mode, or one for each of u, v, w"));
+                    value
+                        .report()
+                        .push(span.error("`address_mode` must be one mode, or one for each of u, v, w"));
                     default.address_mode
                 }
             },

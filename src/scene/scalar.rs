@@ -121,7 +121,7 @@ impl Scalar {
         }
         let rows = rows?;
         if rows.iter().any(|row| row.len() != rows[0].len()) {
-            return value.wrong("each row of a column has as many numbers");
+            return value.wrong("all rows of a column must have the same number of values");
         }
         Some(Rows::Each(rows))
     }
@@ -151,7 +151,9 @@ fn float_bits(value: TomlValue<'_>, format: FloatFormat, name: &str) -> Option<u
     match judge_rounding(wide, bits, format) {
         Ok(bits) => Some(bits),
         Err(FloatMisfit::Overflows) => value.wrong(format!("`{wide}` is beyond the range of {name}")),
-        Err(FloatMisfit::Vanishes) => value.wrong(format!("`{wide}` is not 0 and rounds to 0 as {name}")),
+        Err(FloatMisfit::Vanishes) => {
+            value.wrong(format!("`{wide}` is too small for {name}: it rounds to 0"))
+        }
         Err(FloatMisfit::NoInfinity) => value.wrong(format!("{name} has no infinity")),
     }
 }

@@ -62,15 +62,15 @@ impl SpecializationKey {
                 let list: Vec<_> = known.iter().map(|(id, name)| format!("{name} ({id})")).collect();
                 Err(error.note(match list.is_empty() {
                     true => {
-                        "none of its specialization constants has a name: give the `constant_id`".to_owned()
+                        "none of its specialization constants has a name: use the `constant_id`".to_owned()
                     }
-                    false => format!("there are: {}", list_of(list.iter().map(String::as_str))),
+                    false => format!("available: {}", list_of(list.iter().map(String::as_str))),
                 }))
             }
             ref several => {
                 let ids: Vec<_> = several.iter().map(|(id, _)| id.to_string()).collect();
                 let message = format!("several specialization constants are named `{name}`");
-                Err(wrong(message, format!("give one of their ids: {}", ids.join(", "))))
+                Err(wrong(message, format!("use one of their ids: {}", ids.join(", "))))
             }
         }
     }
@@ -176,7 +176,7 @@ impl LiteralValue {
                 Ok(bytes.iter().rev().fold(0, |bits, &byte| bits << 8 | u64::from(byte)))
             }
             (Self::Bytes(bytes), _) => Err(format!(
-                "{} bytes are given where {size} are needed (VUID-VkSpecializationMapEntry-constantID-00776)",
+                "expected {size} bytes, found {} (VUID-VkSpecializationMapEntry-constantID-00776)",
                 bytes.len()
             )),
             (Self::Boolean(flag), Type::Bool) => Ok(u64::from(*flag)),
@@ -187,15 +187,17 @@ impl LiteralValue {
                 let nearest = ty.float_format().unwrap_or(FloatFormat::Binary64).value(bits);
                 match nearest as i128 == *number {
                     true => Ok(bits),
-                    false => Err(format!("{number} is no such number: the nearest is {nearest}")),
+                    false => {
+                        Err(format!("{number} is not exactly representable: the nearest value is {nearest}"))
+                    }
                 }
             }
             (Self::Float(text), ty @ Type::Float { .. }) => float_bits(text, ty),
-            (Self::Boolean(flag), _) => Err(format!("{flag} is no number")),
+            (Self::Boolean(flag), _) => Err(format!("{flag} is not a number")),
             (Self::Integer(number), _) => Err(format!("{number} is neither true nor false")),
             (Self::Float(text), Type::Bool) => Err(format!("{text} is neither true nor false")),
-            (Self::Float(text), _) => Err(format!("{text} is no whole number")),
-            (Self::Address(_), _) => Err("an address is not known yet".into()),
+            (Self::Float(text), _) => Err(format!("{text} is not an integer")),
+            (Self::Address(_), _) => Err("the address is not known yet".into()),
         }
     }
 }
@@ -208,15 +210,15 @@ fn scalar(number: i128) -> ScalarValue {
 /// The bits of the float nearest to a decimal, rounded once.
 fn float_bits(text: &str, ty: &Type) -> std::result::Result<u64, String> {
     let format = ty.float_format().unwrap_or(FloatFormat::Binary64);
-    let wide: f64 = text.parse().map_err(|_| format!("{text} is no number"))?;
+    let wide: f64 = text.parse().map_err(|_| format!("{text} is not a number"))?;
     let bits = match format {
         FloatFormat::Binary32 => text.parse::<f32>().map_or(0, f32::to_bits).into(),
         _ => format.round(wide),
     };
     judge_rounding(wide, bits, format).map_err(|misfit| match misfit {
-        FloatMisfit::Overflows => format!("{text} is beyond the range"),
-        FloatMisfit::Vanishes => format!("{text} is not 0 and rounds to 0"),
-        FloatMisfit::NoInfinity => format!("{text} is no such number: the type has no infinity"),
+        FloatMisfit::Overflows => format!("{text} is out of range"),
+        FloatMisfit::Vanishes => format!("{text} is too small: it rounds to 0"),
+        FloatMisfit::NoInfinity => format!("{text} is not representable: the type has no infinity"),
     })
 }
 
@@ -268,21 +270,26 @@ mod tests {
     #[test]
     fn values_of_no_such_type_say_why() {
         for (literal, ty, why) in [
-            (float_bits("2.0"), UINT, "2.0 is no whole number"),
+            (float_bits("2.0"), UINT, "2.0 is not an integer"),
             (LiteralValue::Boolean(true), UINT, "true is no number"),
             (LiteralValue::Integer(255), BYTE, "255 is out of the range of int8_t, -128 to 127"),
             (LiteralValue::Integer(-129), BYTE, "-129 is out of the range of int8_t, -128 to 127"),
             (LiteralValue::Integer(-1), UINT, "-1 is out of the range of uint, 0 to 4294967295"),
-            (LiteralValue::Integer(16_777_217), FLOAT, "16777217 is no such number: the nearest is 16777216"),
-            (float_bits("1e-46"), FLOAT, "1e-46 is not 0 and rounds to 0"),
+            (
+                LiteralValue::Integer(16_777_217),
+                FLOAT,
+                "16777217 is not exactly representable: the \
+                nearest value is 16777216",
+            ),
+            (float_bits("1e-46"), FLOAT, "1e-46 is too small: it rounds to 0"),
             (LiteralValue::Integer(2), Type::Bool, "2 is neither true nor false"),
-            (float_bits("1e39"), FLOAT, "1e39 is beyond the range"),
-            (float_bits("65520.0"), HALF, "65520.0 is beyond the range"),
-            (float_bits("465.0"), E4M3, "465.0 is beyond the range"),
+            (float_bits("1e39"), FLOAT, "1e39 is out of range"),
+            (float_bits("65520.0"), HALF, "65520.0 is out of range"),
+            (float_bits("465.0"), E4M3, "465.0 is out of range"),
             (
                 LiteralValue::Bytes(vec![0; 8]),
                 UINT,
-                "8 bytes are given where 4 are needed (VUID-VkSpecializationMapEntry-constantID-00776)",
+                "expected 4 bytes, found 8 (VUID-VkSpecializationMapEntry-constantID-00776)",
             ),
         ] {
             assert_eq!(literal.bits(&ty), Err(why.to_owned()));

@@ -49,7 +49,7 @@ pub struct StructPiece {
 struct Rest;
 
 impl Named for Rest {
-    const WHAT: &'static str = "value of the members that are not given";
+    const WHAT: &'static str = "value of the remaining members";
     const NAMES: &'static [(&'static str, Self)] = &[("zeros", Self)];
 }
 
@@ -74,11 +74,11 @@ pub struct NoShaders;
 
 impl ShaderModules for NoShaders {
     fn module(&self, shader: &Spanned<String>) -> Result<Arc<Module>> {
-        Err(shader.span.error("this data is read by no shader: it has no structs"))
+        Err(shader.span.error("no shader reads this data, so it has no struct layouts"))
     }
 
     fn all(&self) -> Result<Vec<Arc<Module>>> {
-        let message = "this data is read by no shader: it has no structs";
+        let message = "no shader reads this data, so it has no struct layouts";
         Err(Error::new(ErrorKind::InvalidScene, message))
     }
 }
@@ -109,12 +109,12 @@ impl StructPiece {
         let rest = table.optional::<Rest>("rest").is_some();
         let stride = table.optional::<Spanned<u32>>("stride");
         let Some(value) = table.value("value") else {
-            let message = "a struct needs its `value`: a table of its members, or an array of tables";
+            let message = "a struct needs a `value`: a table of its members, or an array of tables";
             table.report().push(table.span().error(message));
             return None;
         };
         if let Some(Spanned { span, .. }) = stride.as_ref().filter(|stride| stride.value == 0) {
-            table.report().push(span.error("a stride is not 0"));
+            table.report().push(span.error("the stride must not be 0"));
         }
         let value = value.to_owned_value();
         Some(Self { span: table.span(), name, shader, value, rest, stride })
@@ -150,8 +150,8 @@ impl StructPiece {
             if writer.missing.len() > SHOWN {
                 list += &format!(" and {} more", writer.missing.len() - SHOWN);
             }
-            let label = "give them, or write `rest = \"zeros\"` beside `value`";
-            let error = self.value.span().error_with(format!("no value is given to {list}"), label);
+            let label = "add them, or write `rest = \"zeros\"` beside `value`";
+            let error = self.value.span().error_with(format!("missing value for {list}"), label);
             report.push(error);
         }
         let (mut bytes, mut late) = (writer.bytes, writer.late);
@@ -178,8 +178,8 @@ impl StructPiece {
                 (Some(name), _) => find(module, &name.value).map(Some),
                 (None, Some(block)) => find_block(module, block),
                 (None, None) => {
-                    let message =
-                        "a value needs the name of its `struct`: here it begins no block of a shader";
+                    let message = "`value` needs the name of a `struct`: the data here is not the start of a \
+                         shader's block";
                     return Err(Error::new(ErrorKind::InvalidScene, message));
                 }
             };
@@ -198,9 +198,9 @@ impl StructPiece {
             ([], None) => {
                 let what = block.map_or_else(|| "a struct".to_owned(), DataBlock::describe);
                 let message = match (modules.is_empty(), &self.shader) {
-                    (true, _) => "there is no shader whose structs a value could be laid out by".to_owned(),
+                    (true, _) => "the scene has no shader that declares structs".to_owned(),
                     (_, Some(shader)) => {
-                        format!("the shader `{}` declares nothing like {what}", shader.value)
+                        format!("the shader `{}` does not declare {what}", shader.value)
                     }
                     (_, None) => format!("no shader of the scene declares {what}"),
                 };
@@ -212,7 +212,7 @@ impl StructPiece {
                     |name| format!("`{}`", name.value),
                 );
                 let message =
-                    format!("{what} differs between the shaders: say which with `shader = \"NAME\"`");
+                    format!("{what} differs between the shaders: select one with `shader = \"NAME\"`");
                 let notes = found.iter().take(4).map(|layout| layout_note(*layout));
                 let error = Error::new(ErrorKind::InvalidScene, message);
                 Err(notes.fold(error, Error::note_lines))
@@ -253,7 +253,7 @@ impl Writer<'_> {
             return self.grow(end, value);
         }
         if layout.runtime_stride().is_some() {
-            return self.wrong(value, "a struct that ends in a runtime array has no arrays of it");
+            return self.wrong(value, "a struct that ends in a runtime array cannot be an array element");
         }
         let stride = match (&piece.stride, &strides(layout)[..]) {
             (Some(stride), _) if (stride.value as usize) < layout.size() => {
@@ -266,15 +266,15 @@ impl Writer<'_> {
             (None, []) => {
                 return self.wrong(
                     value,
-                    "the module has no array of the struct and no pointer with a stride: give the `stride` in \
-                     bytes beside `value`",
+                    "the module has neither an array of the struct nor a pointer with a stride: set \
+                     `stride` in bytes beside `value`",
                 );
             }
             (None, several) => {
                 let several: Vec<_> = several.iter().map(u32::to_string).collect();
                 let message =
                     format!("the module has arrays of the struct with the strides {}: ", several.join(", "));
-                return self.wrong(value, message + "give the `stride` beside `value`");
+                return self.wrong(value, message + "set `stride` beside `value`");
             }
         };
         let mut count = 0usize;
@@ -371,7 +371,7 @@ impl Writer<'_> {
             Type::RuntimeArray { .. } => self.array(layout, value, path, at, None),
             _ => self.wrong(
                 value,
-                format!("`{path}` is {}, which no data can be", module.describe_type(layout.ty)),
+                format!("`{path}` is {}, which data cannot represent", module.describe_type(layout.ty)),
             ),
         }
     }
@@ -434,10 +434,7 @@ impl Writer<'_> {
             }
             Some(wanted) => {
                 let ty = layout.module.describe_type(layout.ty);
-                self.wrong(
-                    value,
-                    format!("`{path}` is {ty}: {wanted} elements are needed, {given} are given"),
-                )
+                self.wrong(value, format!("`{path}` is {ty}: expected {wanted} elements, found {given}"))
             }
         }
     }
@@ -503,7 +500,7 @@ impl Writer<'_> {
         let (bytes, late) = data.flattened();
         let ty = layout.module.describe_type(layout.ty);
         let wrong_size =
-            |size: usize| format!("`{path}` is {ty} of {size} bytes, and the piece has {}", bytes.len());
+            |size: usize| format!("`{path}` is {ty} of {size} bytes, but the piece has {}", bytes.len());
         if let Type::Vector { .. } | Type::Matrix { .. } = layout.module.ty(layout.ty) {
             // The scalars of a piece follow each other as they do in memory.
             let mut scalars = layout.scalars();
@@ -521,7 +518,7 @@ impl Writer<'_> {
         match layout.module.ty(layout.ty) {
             Type::RuntimeArray { .. } if !bytes.len().is_multiple_of(stride) => {
                 let message =
-                    format!("`{path}` has elements of {stride} bytes, and the piece has {}", bytes.len());
+                    format!("`{path}` has elements of {stride} bytes, but the piece has {}", bytes.len());
                 return self.wrong(value, message);
             }
             Type::RuntimeArray { .. } => {}
@@ -547,7 +544,7 @@ impl Writer<'_> {
                 let whole = match value.toml() {
                     // A bool of the source is an integer in a buffer.
                     Toml::Boolean(flag) => i128::from(*flag),
-                    _ if !number => return self.mismatch(layout, value, path, "a whole number"),
+                    _ if !number => return self.mismatch(layout, value, path, "an integer"),
                     _ if signed => {
                         let most = 1i128 << (width - 1);
                         integer(value, -most, most - 1, &layout.module.describe_type(layout.ty))?
@@ -574,7 +571,7 @@ impl Writer<'_> {
         let ty = layout.module.describe_type(layout.ty);
         let what = if path.is_empty() { ty } else { format!("`{path}` is {ty}") };
         let found = value.toml().what();
-        let message = format!("{what}: {needed} is needed, {found} is given");
+        let message = format!("{what}: expected {needed}, found {found}");
         self.report.push(value.span().error_with(message, "here"));
         None
     }

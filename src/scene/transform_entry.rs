@@ -17,7 +17,7 @@ pub(super) fn parse_transform(table: &Table<'_>) -> Option<[[f32; 4]; 3]> {
         return matrix.map(|matrix| matrix.0);
     }
     if let Some(value) = table.value("transform") {
-        return value.wrong("give `transform`, or `translate`, `rotate` and `scale`, but not both");
+        return value.wrong("`transform` excludes `translate`, `rotate` and `scale`");
     }
     let scale = match &scale {
         Some(scale) => scale_vector(table.value("scale")?, scale)?,
@@ -37,7 +37,7 @@ pub(super) fn scale_vector(value: TomlValue<'_>, scale: &OneOrMore<f32>) -> Opti
     match scale.0[..] {
         [all] => Some([all; 3]),
         [x, y, z] => Some([x, y, z]),
-        _ => value.wrong("`scale` is one number or three"),
+        _ => value.wrong("`scale` must be one number or three"),
     }
 }
 
@@ -69,7 +69,7 @@ impl Parse for Rotation {
         table.finish();
         let (axis, degrees) = (axis?, degrees?);
         if axis.value == [0.0; 3] || axis.value.iter().any(|x| !x.is_finite()) {
-            value.report().push(axis.span.error("an axis is finite and not zero"));
+            value.report().push(axis.span.error("an axis must be finite and not zero"));
             return None;
         }
         Some(Self { axis: axis.value, degrees })

@@ -48,7 +48,7 @@ impl ViewEntry {
         for key in ["data", "size", "fill", "file"] {
             if let Some(value) = table.refused(key) {
                 value.wrong::<()>(format!(
-                    "a view has no `{key}`: that of the resource it names is the same memory"
+                    "a view has no `{key}`: it shares the memory of the resource that it names"
                 ));
             }
         }
@@ -71,8 +71,8 @@ impl ViewEntry {
         {
             if let Some(value) = table.refused(key) {
                 value.wrong::<()>(format!(
-                    "`{key}` is of a range of another resource, which `buffer = \"NAME\"` names: `type = \"buffer\"` \
-                     holds memory that is bound only so"
+                    "`{key}` applies to a range of another resource: name it with `buffer = \"NAME\"`; \
+                     memory that is bound only in ranges has `type = \"buffer\"`"
                 ));
             }
         }
@@ -87,7 +87,7 @@ impl RangeEntry {
             let name =
                 if kind == DescriptorKind::UniformBuffer { "uniform_buffer" } else { "storage_buffer" };
             table.report().push(given.span.error(format!(
-                "only a `{name}_dynamic` has a `dynamic_offset`: a `{name}` begins at its `offset`"
+                "only a `{name}_dynamic` has a `dynamic_offset`: set `offset` for a `{name}`"
             )));
         }
         let dynamic_offset = dynamic_offset.filter(|_| kind.is_dynamic());

@@ -65,7 +65,7 @@ fn decode(bytes: &[u8], wanted: Option<Format>, limits: &InputLimits) -> Result<
             exr(bytes, wanted, limits)?
         }
         _ if Radiance::is(bytes) => radiance(bytes, wanted, limits)?,
-        _ => return Err(invalid("not a PNG, JPEG, HDR or EXR file: these are read")),
+        _ => return Err(invalid("unknown image format: expected PNG, JPEG, HDR or EXR")),
     };
     Ok(texels_of(decoded, wanted))
 }

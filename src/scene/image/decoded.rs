@@ -45,7 +45,7 @@ impl Header {
         let needed = texels.saturating_mul(self.bytes_a_texel(wanted));
         limits.check(InputLimit::ImageBytes, needed, ErrorKind::InvalidImage)?;
         if texels == 0 {
-            return Err(invalid("an image without texels"));
+            return Err(invalid("the image has no texels"));
         }
         if texels > self.plausible {
             return Err(invalid(format!("{held} bytes cannot hold {width} x {height} texels")));

@@ -49,7 +49,7 @@ fn decode_png(bytes: &[u8], wanted: Option<Format>, limits: &InputLimits) -> Res
         copies: 1,
     };
     header.check(bytes.len(), wanted, limits)?;
-    let size = reader.output_buffer_size().ok_or_else(|| invalid("an image of more bytes than there are"))?;
+    let size = reader.output_buffer_size().ok_or_else(|| invalid("the image's size in bytes overflows"))?;
     let mut numbers = vec![0; size];
     reader.next_frame(&mut numbers).map_err(broken)?;
     let numbers = if header.width == 2 { Numbers::BigEndian(numbers) } else { Numbers::Bytes(numbers) };
@@ -68,7 +68,7 @@ fn decode_jpeg(bytes: &[u8], wanted: Option<Format>, limits: &InputLimits) -> Re
     let mut decoder = JpegDecoder::new_with_options(ZCursor::new(bytes), options);
     decoder.decode_headers().map_err(broken)?;
     let (Some((width, height)), Some(space)) = (decoder.dimensions(), decoder.input_colorspace()) else {
-        return Err(invalid("a JPEG file without a frame"));
+        return Err(invalid("the JPEG file has no frame"));
     };
     // Grey stays grey; everything else becomes red, green and blue.
     let space = if space == ColorSpace::Luma { space } else { ColorSpace::RGB };

@@ -39,7 +39,7 @@ impl<'a> Radiance<'a> {
             {
                 let format = String::from_utf8_lossy(format.trim_ascii());
                 return Err(invalid(format!(
-                    "an HDR file of the format `{format}`: `32-bit_rle_rgbe` is read"
+                    "unsupported format `{format}` of an HDR file: expected `32-bit_rle_rgbe`"
                 )));
             }
         }
@@ -55,7 +55,7 @@ impl<'a> Radiance<'a> {
         let Some((width, height)) = extent else {
             let text = String::from_utf8_lossy(resolution);
             return Err(invalid(format!(
-                "an HDR file of the resolution `{text}`: `-Y height +X width` is read"
+                "unsupported resolution `{text}` of an HDR file: expected `-Y height +X width`"
             )));
         };
         Ok(Self { extent: [width, height], rows: rest })
@@ -89,15 +89,14 @@ impl<'a> Radiance<'a> {
 /// The next line without its end.
 fn line<'a>(rest: &mut &'a [u8]) -> Result<&'a [u8]> {
     let end = rest.iter().position(|byte| *byte == b'\n');
-    let end = end.ok_or_else(|| invalid("an HDR file that ends in its header"))?;
+    let end = end.ok_or_else(|| invalid("the HDR file ends within its header"))?;
     let line = &rest[..end];
     *rest = &rest[end + 1..];
     Ok(line)
 }
 
 fn next<const N: usize>(rest: &mut &[u8]) -> Result<[u8; N]> {
-    let (head, tail) =
-        rest.split_first_chunk().ok_or_else(|| invalid("an HDR file that ends in one of its rows"))?;
+    let (head, tail) = rest.split_first_chunk().ok_or_else(|| invalid("the HDR file ends within a row"))?;
     *rest = tail;
     Ok(*head)
 }
@@ -111,7 +110,7 @@ fn component_runs(rest: &mut &[u8], texels: &mut [[u8; 4]], component: usize) ->
         let repeats = count > 128;
         let count = usize::from(if repeats { count - 128 } else { count });
         if count == 0 || count > texels.len() - at {
-            return Err(invalid("an HDR file with a run that does not fit its row"));
+            return Err(invalid("a run of the HDR file exceeds its row"));
         }
         let repeated = if repeats { next::<1>(rest)?[0] } else { 0 };
         for texel in &mut texels[at..at + count] {
@@ -135,7 +134,7 @@ fn repeated_texels(rest: &mut &[u8], texels: &mut [[u8; 4]]) -> Result<()> {
         }
         let count = usize::from(texel[3]) << shift;
         if at == 0 || count > texels.len() - at || shift > 16 {
-            return Err(invalid("an HDR file with a run that does not fit its row"));
+            return Err(invalid("a run of the HDR file exceeds its row"));
         }
         let before = texels[at - 1];
         texels[at..at + count].fill(before);
@@ -195,15 +194,15 @@ mod tests {
             error.to_string()
         };
         let rows = |rows: &[u8], resolution| message(&file(resolution, rows));
-        assert!(message(b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n").contains("ends in its header"));
+        assert!(message(b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n").contains("ends within its header"));
         assert!(message(b"#?RADIANCE\nFORMAT=32-bit_rle_xyze\n\n").contains("`32-bit_rle_xyze`"));
         for resolution in ["+X 1 -Y 1", "-Y 0 +X 1", "-Y 1 +X", "-Y 1 +X 99999999999"] {
             assert!(rows(&[], resolution).contains(resolution), "{resolution}");
         }
-        assert!(rows(&[1, 2, 3], "-Y 1 +X 1").contains("ends in one of its rows"));
-        assert!(rows(&[1, 1, 1, 1], "-Y 1 +X 1").contains("does not fit"));
-        assert!(rows(&[2, 2, 0, 8, 137, 1], "-Y 1 +X 8").contains("does not fit"));
-        assert!(rows(&[2, 2, 0, 8, 0, 1], "-Y 1 +X 8").contains("does not fit"));
-        assert!(rows(&[2, 2, 0, 8, 136], "-Y 1 +X 8").contains("ends in one of its rows"));
+        assert!(rows(&[1, 2, 3], "-Y 1 +X 1").contains("ends within a row"));
+        assert!(rows(&[1, 1, 1, 1], "-Y 1 +X 1").contains("exceeds its row"));
+        assert!(rows(&[2, 2, 0, 8, 137, 1], "-Y 1 +X 8").contains("exceeds its row"));
+        assert!(rows(&[2, 2, 0, 8, 0, 1], "-Y 1 +X 8").contains("exceeds its row"));
+        assert!(rows(&[2, 2, 0, 8, 136], "-Y 1 +X 8").contains("ends within a row"));
     }
 }

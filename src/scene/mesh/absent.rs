@@ -10,7 +10,7 @@ use crate::scene::mesh::listed::{Listed, Numbers};
 
 /// The error that files of a format cannot be read.
 fn missing(format: &str, feature: &str, path: &Path) -> Error {
-    Error::new(ErrorKind::UnsupportedTool, format!("this build of anyhit reads no {format} files"))
+    Error::new(ErrorKind::UnsupportedTool, format!("this build of anyhit does not read {format} files"))
         .at(Place::File(path.to_path_buf()))
         .note(feature_note(feature))
 }

@@ -81,7 +81,7 @@ impl GltfFile {
     fn primitive(&self, mesh: usize, primitive: usize) -> Result<Primitive<'_>> {
         let mesh = self.document.meshes().nth(mesh);
         let found = mesh.and_then(|mesh| mesh.primitives().nth(primitive));
-        found.ok_or_else(|| invalid("a primitive that is not there"))
+        found.ok_or_else(|| invalid("the primitive does not exist"))
     }
 
     fn list(&self, path: &Path) -> Result<Listed> {
@@ -106,11 +106,14 @@ impl GltfFile {
     fn list_primitive(&self, primitive: &Primitive<'_>, counts: &mut Counts) -> Result<ListedPart> {
         let mode = primitive.mode();
         if matches!(mode, Mode::Points | Mode::Lines | Mode::LineLoop | Mode::LineStrip) {
-            return Err(Error::new(ErrorKind::UnsupportedFile, format!("a primitive of mode {mode:?}"))
-                .note("only triangles, triangle strips and triangle fans are read"));
+            return Err(Error::new(
+                ErrorKind::UnsupportedFile,
+                format!("unsupported primitive mode {mode:?}"),
+            )
+            .note("supported modes: triangles, triangle strips and triangle fans"));
         }
         let Some(positions) = primitive.get(&Semantic::Positions) else {
-            return Err(invalid("a primitive without positions"));
+            return Err(invalid("a primitive has no positions"));
         };
         self.check_accessor(&positions, &[DataType::F32], &[Dimensions::Vec3], counts)?;
         if let Some(accessor) = &primitive.indices() {
@@ -131,7 +134,7 @@ impl GltfFile {
         let mode = primitive.mode();
         let buffers = &self.buffers;
         let reader = primitive.reader(|buffer| buffers.get(buffer.index()).map(|bytes| bytes.as_slice()));
-        let read = reader.read_positions().ok_or_else(|| invalid("positions that cannot be read"))?;
+        let read = reader.read_positions().ok_or_else(|| invalid("the positions cannot be read"))?;
         let count = primitive.get(&Semantic::Positions).map_or(0, |positions| positions.count());
         let mut vertices = Vec::with_capacity(count);
         vertices.extend(read.take(count));
@@ -142,7 +145,7 @@ impl GltfFile {
             Some(ReadIndices::U8(corners)) => cut.all(&mut corners.map(u32::from)),
             Some(ReadIndices::U16(corners)) => cut.all(&mut corners.map(u32::from)),
             Some(ReadIndices::U32(mut corners)) => cut.all(&mut corners),
-            None if primitive.indices().is_some() => Err(invalid("indices that cannot be read")),
+            None if primitive.indices().is_some() => Err(invalid("the indices cannot be read")),
             None => cut.all(&mut (0..given as u32)),
         }?;
         Ok(Mesh { vertices, indices })
@@ -219,8 +222,8 @@ impl GltfFile {
                 let buffer = self.buffers.get(view.buffer().index());
                 let end = view.offset().checked_add(view.length());
                 let bytes = buffer.zip(end).and_then(|(bytes, end)| bytes.get(view.offset()..end));
-                let bytes =
-                    bytes.ok_or_else(|| invalid(format!("image {} is beyond its buffer", image.index())));
+                let bytes = bytes
+                    .ok_or_else(|| invalid(format!("image {} extends beyond its buffer", image.index())));
                 Ok(PictureSource::Bytes(bytes?.into()))
             }
             gltf::image::Source::Uri { uri, .. } => match uri.strip_prefix("data:") {
@@ -260,7 +263,7 @@ impl GltfFile {
         within(limit.0, limit.1)?;
         if let Some(view) = accessor.view() {
             if !self.view_contains(&view, accessor.offset(), count, accessor.size()) {
-                return wrong("reaches beyond its buffer");
+                return wrong("extends beyond its buffer");
             }
         } else if accessor.sparse().is_none() {
             return wrong("has no buffer view");
@@ -316,17 +319,17 @@ fn json(bytes: &[u8]) -> Result<&[u8]> {
         word.map(|word| u32::from_le_bytes(word) as usize)
     };
     let (Some(length), Some(chunk)) = (word(8), word(HEADER)) else {
-        return Err(invalid("not glTF: the file ends in its header"));
+        return Err(invalid("not glTF: the file ends within its header"));
     };
     let start = HEADER + CHUNK_HEADER;
     if length < start || length > bytes.len() {
         return Err(invalid(format!(
-            "not glTF: the header says {length} bytes, and the file has {}",
+            "not glTF: the header specifies {length} bytes, but the file has {}",
             bytes.len()
         )));
     }
     let json = bytes.get(start..).and_then(|rest| rest.get(..chunk));
-    json.ok_or_else(|| invalid("not glTF: the JSON chunk reaches beyond the file"))
+    json.ok_or_else(|| invalid("not glTF: the JSON chunk extends beyond the file"))
 }
 
 /// The number of values of a JSON text, or a few more: each begins the text, or stands behind a
@@ -373,7 +376,7 @@ fn buffers(path: &Path, file: &Gltf, blob: Option<Vec<u8>>, files: &dyn Files) -
         };
         if bytes.len() < buffer.length() {
             return Err(invalid(format!(
-                "buffer {} has {} bytes, its `byteLength` says {}",
+                "buffer {} has {} bytes, but its `byteLength` is {}",
                 buffer.index(),
                 bytes.len(),
                 buffer.length()
@@ -401,13 +404,13 @@ fn list_of_dimensions(dimensions: &[Dimensions]) -> String {
 }
 
 fn data_uri(data: &str) -> Result<Vec<u8>> {
-    let (_, digits) = data.split_once(";base64,").ok_or_else(|| invalid("a data URI that is not base64"))?;
-    base64(digits).ok_or_else(|| invalid("a data URI with broken base64"))
+    let (_, digits) = data.split_once(";base64,").ok_or_else(|| invalid("a data URI is not base64"))?;
+    base64(digits).ok_or_else(|| invalid("a data URI contains invalid base64"))
 }
 
 /// A file that a URI names, relative to the one that it stands in.
 fn sibling(path: &Path, uri: &str) -> Result<PathBuf> {
-    let name = percent_decoded(uri).ok_or_else(|| invalid(format!("broken URI `{uri}`")))?;
+    let name = percent_decoded(uri).ok_or_else(|| invalid(format!("invalid URI `{uri}`")))?;
     Ok(path.parent().unwrap_or(Path::new("")).join(name))
 }
 
@@ -544,7 +547,7 @@ struct Walk {
 impl Walk {
     fn node(&mut self, node: &Node<'_>, parent: &glam::DMat4, depth: usize) -> Result<()> {
         if depth > MAX_DEPTH {
-            return Err(invalid(format!("nodes are nested more than {MAX_DEPTH} deep, perhaps in a circle")));
+            return Err(invalid(format!("nodes are nested more than {MAX_DEPTH} deep, possibly in a cycle")));
         }
         // Two nodes that list a third twice, and so on, double each time.
         self.count += 1;
@@ -611,7 +614,10 @@ impl Cut<'_> {
     fn all(&mut self, corners: &mut dyn Iterator<Item = u32>) -> Result<()> {
         for corner in corners {
             if corner as usize >= self.given {
-                return Err(invalid(format!("index {corner} of {} vertices", self.given)));
+                return Err(invalid(format!(
+                    "index {corner} is out of range: there are {} vertices",
+                    self.given
+                )));
             }
             self.push(corner);
         }

@@ -184,7 +184,7 @@ impl Model {
                 break;
             }
             let Ok(base) = u32::try_from(all.vertices.len() + mesh.vertices.len()) else {
-                let message = "more vertices than indices of 32 bits can name";
+                let message = "the mesh has more vertices than 32-bit indices can address";
                 return Err(self.at(Error::new(ErrorKind::InvalidMesh, message)));
             };
             let base = base - mesh.vertices.len() as u32;
@@ -257,7 +257,7 @@ impl Model {
         let plural = if what == "mesh" { "meshes" } else { "objects" };
         let with = if what == "mesh" { "" } else { " with triangles" };
         let error = Error::new(ErrorKind::InvalidMesh, format!("no {what} `{name}`{with}"));
-        Err(self.at(error.note(format!("the {plural} here are: {}", self.contents()))))
+        Err(self.at(error.note(format!("{plural} in the file: {}", self.contents()))))
     }
 }
 

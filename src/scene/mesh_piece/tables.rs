@@ -100,7 +100,7 @@ impl<K: ColumnKind> Parse for Column<K> {
                 Ok([Rows::Each(rows)]) => Some(Self::Given { rows, span: value.span() }),
                 // A mistake in it is reported already.
                 Err(none) if none.is_empty() => None,
-                Err(_) => value.wrong("a column has numbers of one type"),
+                Err(_) => value.wrong("a column must have numbers of one type"),
             };
         }
         if table.has("column") {
@@ -108,7 +108,7 @@ impl<K: ColumnKind> Parse for Column<K> {
             table.finish();
             let (Spanned { value: kind, span }, width) = (kind?, width?);
             if !kind.is_integer() {
-                value.report().push(span.error("`type` is of a column of whole numbers"));
+                value.report().push(span.error("`type` applies only to columns of integers"));
                 return None;
             }
             return Some(Self::Narrow { kind, width });
@@ -122,14 +122,14 @@ impl<K: ColumnKind> Parse for Column<K> {
         if !K::NUMBERS.contains(&by.value) {
             let names = K::NAMES.iter().filter(|(_, kind)| K::NUMBERS.contains(kind));
             let names: Vec<_> = names.map(|(name, _)| *name).collect();
-            let error = by.span.error("`by` is a column that counts elements, from 0");
+            let error = by.span.error("`by` must name a column of indices");
             value.report().push(error.note(format!("one of: {}", names.join(", "))));
             return None;
         }
         let offset = offset.unwrap_or(Spanned { value: 0, span: target.span.clone() });
         let fits = stride.value.checked_mul(u32::MAX.into()).and_then(|end| end.checked_add(offset.value));
         if fits.is_none() {
-            value.report().push(stride.span.error("a stride so large that addresses overflow"));
+            value.report().push(stride.span.error("the stride is so large that addresses overflow"));
             return None;
         }
         Some(Self::Address { of: AddressOf { target, offset }, stride: stride.value, by: by.value })

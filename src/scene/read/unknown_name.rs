@@ -18,7 +18,7 @@ pub fn unknown_name<'n, N: Iterator<Item = &'n str>>(
     };
     let error = name.span.error_with(message, label);
     match names().next() {
-        Some(_) => error.note(format!("there are: {}", list_of(names()))),
+        Some(_) => error.note(format!("available: {}", list_of(names()))),
         None => error,
     }
 }

@@ -105,7 +105,7 @@ pub(crate) fn integer(value: TomlValue<'_>, least: i128, most: i128, what: &str)
     };
     match i128::from_str_radix(digits, *radix) {
         Ok(number) if (least..=most).contains(&number) => Some(number),
-        _ => value.wrong(format!("this does not fit: {what} goes from {least} to {most}")),
+        _ => value.wrong(format!("out of range: {what} ranges from {least} to {most}")),
     }
 }
 
@@ -141,7 +141,7 @@ macro_rules! floats {
                     }
                     Ok(number) => match value.toml() {
                         Toml::Integer(digits, _) if digits.parse() != Ok(number as i128) => value.wrong(
-                            format!("`{text}` is no {}: the nearest is {number}", stringify!($ty)),
+                            format!("`{text}` is not exactly representable as {}: the nearest value is {number}", stringify!($ty)),
                         ),
                         _ => Some(number),
                     },

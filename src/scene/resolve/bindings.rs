@@ -69,8 +69,8 @@ impl Resolver<'_> {
                     let error = entry.name.span.error(message);
                     let error = error.at_with(other.clone(), "the other one");
                     self.report.push(error.note(
-                        "`passes` of a resource lists the passes that find it; those of other types are for the \
-                         shaders that declare these",
+                        "assign each resource to passes with `passes`; without it, each shader uses the \
+                         resource of the type that it declares",
                     ));
                 }
                 let binding = Binding { set: content.set, binding: content.binding };

@@ -143,12 +143,7 @@ impl Resolver<'_> {
             if self.pipelines.get(&name.value).is_none() {
                 let known = || self.pipelines.entries.iter().map(|entry| entry.name.value.as_str());
                 let message = format!("no pipeline is named `{}`", name.value);
-                self.report.push(unknown_name(
-                    name,
-                    message,
-                    "there is no `[pipelines]` of this name",
-                    known,
-                ));
+                self.report.push(unknown_name(name, message, "no `[pipelines]` table has this name", known));
             }
             let launches =
                 passes.iter().enumerate().filter(|(_, pass)| pass.pipeline.as_ref() == Some(&name.value));

@@ -127,14 +127,15 @@ impl Resolver<'_> {
         };
         let found = self.find(&self.resource_entries, buffer, "resource")?;
         if class(found) != A_BUFFER || matches!(found.contents[..], [Content::Null(_)]) {
-            let message = format!("`{}` is {}: a size is read from a buffer", buffer.value, class(found));
+            let message =
+                format!("`{}` is {}: a size can only be read from a buffer", buffer.value, class(found));
             self.report.push(buffer.span.error(message).at_with(found.span.place(), "declared here"));
             return None;
         }
         let place = offset.as_ref().map_or_else(|| buffer.span.place(), |offset| offset.span.place());
         let offset = match offset {
             Some(Spanned { value, span }) if !value.is_multiple_of(4) => {
-                let message = format!("{value} is no multiple of 4 bytes");
+                let message = format!("{value} is not a multiple of 4 bytes");
                 self.report.push(span.error(message).note(
                     "VUID-vkCmdDispatchIndirect-offset-02710, \
                      VUID-vkCmdTraceRaysIndirectKHR-indirectDeviceAddress-03634",
@@ -165,8 +166,7 @@ impl Resolver<'_> {
     ) -> Vec<ResolvedPass> {
         let entries = std::mem::take(&mut self.passes);
         if let (Some(pass), false) = (entries.first(), dispatches.is_empty()) {
-            let message =
-                "`[[pass]]` lists all launches and dispatches in order: there is no `[[dispatch]]` beside it";
+            let message = "`[[pass]]` and `[[dispatch]]` exclude each other: list dispatches as passes";
             self.report.push(pass.span.error(message));
         }
         self.check_pass_names(&entries);
@@ -210,7 +210,8 @@ impl Resolver<'_> {
         let mut known: HashMap<&str, &Spanned<String>> = HashMap::new();
         for name in entries.iter().filter_map(|entry| entry.name.as_ref()) {
             if name.value.parse::<usize>().is_ok() {
-                let message = format!("a pass named `{}`: numbers count the passes, from 0", name.value);
+                let message =
+                    format!("`{}` cannot name a pass: numbers are the indices of passes", name.value);
                 self.report.push(name.span.error(message));
             }
             if let Some(other) = known.insert(&name.value, name) {
@@ -232,7 +233,7 @@ impl Resolver<'_> {
         if found.is_none() {
             let names = || pipelines.iter().filter_map(|one| one.name.as_deref());
             let message = format!("no pipeline is named `{}`", wanted.value);
-            self.report.push(unknown_name(wanted, message, "there is no `[pipelines]` of this name", names));
+            self.report.push(unknown_name(wanted, message, "no `[pipelines]` table has this name", names));
         }
         found.map(Some)
     }
@@ -265,11 +266,10 @@ impl Resolver<'_> {
         if found.is_none() {
             let names: Vec<String> =
                 records.iter().filter_map(|record| record.name.clone().or_else(|| shader(record))).collect();
-            let error =
-                wanted.span.error(format!("the pipeline has no `raygen` of the name `{}`", wanted.value));
+            let error = wanted.span.error(format!("the pipeline has no `raygen` named `{}`", wanted.value));
             self.report.push(match names.is_empty() {
                 true => error,
-                false => error.note(format!("there are: {}", list_of(names.iter().map(String::as_str)))),
+                false => error.note(format!("available: {}", list_of(names.iter().map(String::as_str)))),
             });
         }
         found
@@ -287,18 +287,19 @@ impl Resolver<'_> {
         let (bound, other) = (find(at), find(source));
         let (bound, other) = (bound?, other?);
         if is_unbound(bound) {
-            let message =
-                format!("`{}` is bound nowhere, so that no pass finds anything else there", at.value);
-            return Some(Err(at.span.error(message).note("to the left stands what the shaders bind")));
+            let message = format!("`{}` is not bound, so a pass cannot replace it", at.value);
+            return Some(Err(at.span.error(message).note(
+                "write the resource that shaders use to the left of `=`, its replacement to the right",
+            )));
         }
         let (wanted, found) = (class(bound), class(other));
         if wanted == ARRAY {
-            let message = format!("`{}` is {ARRAY}: a pass takes the place of one descriptor", at.value);
+            let message = format!("`{}` is {ARRAY}: a pass can replace only single descriptors", at.value);
             return Some(Err(at.span.error(message)));
         }
         if wanted != found {
-            let message = format!("`{}` is {found}, and `{}` is {wanted}", source.value, at.value);
-            return Some(Err(source.span.error(message).at_with(bound.span.place(), "what is bound")));
+            let message = format!("`{}` is {found}, but `{}` is {wanted}", source.value, at.value);
+            return Some(Err(source.span.error(message).at_with(bound.span.place(), "bound here")));
         }
         let source = self.source_of(source, other);
         Some(Ok(Rebinding { at: [bound.set, bound.binding, bound.element], source }))
@@ -401,7 +402,7 @@ fn launch_size(pass: &ResolvedPass) -> Option<[u32; 3]> {
 }
 
 fn no_launch(key: &Spanned<PassKey>) -> Error {
-    let message = format!("pass `{}` dispatches a compute shader, and a ray needs a launch", key.value);
+    let message = format!("pass `{}` dispatches a compute shader, but a ray needs a launch", key.value);
     key.span.error(message)
 }
 

@@ -24,8 +24,8 @@ pub(super) fn chosen_variant(
     if found.is_none() {
         let error = Error::new(ErrorKind::InvalidArgument, format!("the scene has no variant `{wanted}`"));
         report.push(match names.is_empty() {
-            true => error.note("`[[variant]]` of its own file makes one"),
-            false => error.note(format!("there are: {names}")),
+            true => error.note("declare variants with `[[variant]]` in the scene file"),
+            false => error.note(format!("available: {names}")),
         });
     }
     found
@@ -54,6 +54,6 @@ mod tests {
         let twice = load(&text.replace("'g'", "'O0'"), "O0").unwrap_err();
         assert!(twice.contains("two variants are named `O0`"), "{twice}");
         let none = load(&text[..text.find("[[variant]]").unwrap()], "g").unwrap_err();
-        assert!(none.contains("`[[variant]]` of its own file makes one"), "{none}");
+        assert!(none.contains("declare variants with `[[variant]]` in the scene file"), "{none}");
     }
 }

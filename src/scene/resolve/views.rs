@@ -57,14 +57,14 @@ impl Resolver<'_> {
                 let (what, place) = match found {
                     Found::Buffer(_, place) => ("a buffer", place),
                     Found::Image(_, place) => ("an image", place),
-                    Found::Texels(_, place) => ("a texel buffer, whose texels are its own", place),
+                    Found::Texels(_, place) => ("a texel buffer with its own texels", place),
                 };
                 let wanted = match kind {
                     kind if kind.is_buffer() => "a buffer",
                     kind if kind.is_image() => "an image",
                     _ => "another texel buffer",
                 };
-                let message = format!("`{}` is {what}: this is a view of {wanted}", entry.of.value);
+                let message = format!("`{}` is {what}, but this is a view of {wanted}", entry.of.value);
                 self.report.push(entry.of.span.error(message).at_with(place.clone(), "declared here"));
                 None
             }
@@ -87,7 +87,8 @@ impl Resolver<'_> {
                 | Resource::CombinedImageSampler(image, _) => Ok(Some(Found::Image(image, place))),
                 Resource::TexelBuffer(image) => Ok(Some(Found::Texels(image, place))),
                 _ => {
-                    let message = format!("`{}` has no memory: it is no buffer and no image", name.value);
+                    let message =
+                        format!("`{}` has no memory: it is neither a buffer nor an image", name.value);
                     Err(name.span.error(message).at_with(place.clone(), "declared here"))
                 }
             };
@@ -97,13 +98,13 @@ impl Resolver<'_> {
                 Some(content) => match content.contents.first() {
                     Some(Content::View(view)) => {
                         let root = &view.of.value;
-                        let message = format!("`{}` is a view of `{root}` itself", name.value);
+                        let message = format!("`{}` is itself a view of `{root}`", name.value);
                         let place = entry.name.span.place();
                         Err(name
                             .span
                             .error(message)
                             .at_with(place, "declared here")
-                            .note(format!("name `{root}`, from whose beginning an `offset` counts")))
+                            .note(format!("name `{root}` instead; an `offset` is relative to its start")))
                     }
                     _ => Ok(None),
                 },
@@ -130,9 +131,9 @@ fn range(
     let value = |key: &Option<Spanned<u64>>| key.as_ref().map_or(0, |key| key.value);
     for key in [&entry.offset, &entry.dynamic_offset].into_iter().flatten() {
         if !key.value.is_multiple_of(Buffer::OFFSET_ALIGNMENT) {
-            return Err(key.span.error(format!("{} is no multiple of 4 bytes", key.value)).note(
-                "devices require at least that (minStorageBufferOffsetAlignment, minUniformBufferOffsetAlignment), \
-                 and at most a multiple of 256",
+            return Err(key.span.error(format!("{} is not a multiple of 4 bytes", key.value)).note(
+                "devices require this or a larger alignment, at most 256 \
+                 (minStorageBufferOffsetAlignment, minUniformBufferOffsetAlignment)",
             ));
         }
     }
@@ -145,10 +146,11 @@ fn range(
     let range = entry.range.as_ref().map_or(rest, |range| range.value);
     if let Some(key) = entry.range.as_ref().filter(|_| range == 0 || range > rest) {
         let (message, rule) = match range {
-            0 => ("a range of no bytes".to_owned(), "VUID-VkDescriptorBufferInfo-range-00341"),
+            0 => ("the range is empty".to_owned(), "VUID-VkDescriptorBufferInfo-range-00341"),
             _ => (
                 format!(
-                    "{range} bytes at offset {offset} go past the end of `{name}`, which has {size} bytes"
+                    "{range} bytes at offset {offset} extend past the end of `{name}`, which has {size} \
+                     bytes"
                 ),
                 "VUID-VkDescriptorBufferInfo-range-00342",
             ),
@@ -159,13 +161,20 @@ fn range(
     if let Some(key) = entry.dynamic_offset.as_ref().filter(|_| dynamic_offset > rest - range) {
         let sum = offset.saturating_add(dynamic_offset);
         return Err(of_buffer(match entry.range {
-            None => key.span.error("without a `range` the range is the rest of the buffer, which nothing moves")
-                .note("VUID-vkCmdBindDescriptorSets-pDescriptorSets-06715: the dynamic offset is then 0"),
-            Some(_) => key.span.error(format!(
-                "{range} bytes at offset {offset} + {dynamic_offset} = {sum} go past the end of `{name}`, which has \
-                 {size} bytes"
-            ))
-            .note("VUID-vkCmdBindDescriptorSets-pDescriptorSets-01979"),
+            None => key
+                .span
+                .error(
+                    "a nonzero `dynamic_offset` requires a `range`: without one, the \
+                range is the rest of the buffer",
+                )
+                .note("VUID-vkCmdBindDescriptorSets-pDescriptorSets-06715"),
+            Some(_) => key
+                .span
+                .error(format!(
+                    "{range} bytes at offset {offset} + {dynamic_offset} = {sum} extend past the end of \
+                 `{name}`, which has {size} bytes"
+                ))
+                .note("VUID-vkCmdBindDescriptorSets-pDescriptorSets-01979"),
         }));
     }
     Ok(BufferView { kind, buffer: name.to_owned(), offset, range, dynamic_offset })
@@ -178,9 +187,9 @@ fn check_format(entry: &ViewEntry, image: &ImageContent, place: &Place) -> Resul
         return Ok(());
     }
     let name = Format::NAMES.iter().find(|(_, known)| *known == image.format).map_or("", |(name, _)| name);
-    let message = format!("`{}` has the format `{name}`, and so have its views", entry.of.value);
+    let message = format!("the view's format differs from the format `{name}` of `{}`", entry.of.value);
     Err(span
         .error(message)
         .at_with(place.clone(), "declared here")
-        .note("a view has no `format` of its own: images whose format is mutable are out of scope"))
+        .note("images with a mutable format are not supported: leave out `format`"))
 }

@@ -60,7 +60,7 @@ fn node_transforms_apply_to_the_scene_but_not_to_a_named_mesh() {
     let mesh = load(&text, Some("quad"), &bytes()).unwrap();
     assert_eq!(mesh.vertices[3], [1., 1., 0.]);
     let error = load(&text, Some("quat"), &bytes()).unwrap_err();
-    assert!(error.render().contains("the meshes here are: quad"), "{error:?}");
+    assert!(error.render().contains("meshes in the file: quad"), "{error:?}");
 }
 
 #[test]
@@ -83,8 +83,12 @@ fn broken_files_say_what_is_wrong() {
         (good.replace("5126", "5123"), bytes(), "accessor 0 is not [F32] Vec3"),
         // Indices of floats panicked in the crate.
         (good.replace("5123", "5126"), bytes(), "accessor 1 is not [U8, U16, U32] Scalar"),
-        (good.replace("my%20data.bin", "my%2"), bytes(), "broken URI"),
-        (good.clone(), [&bytes()[..48], &[0, 0, 1, 0, 77, 0, 0, 0]].concat(), "index 77 of 4 vertices"),
+        (good.replace("my%20data.bin", "my%2"), bytes(), "invalid URI"),
+        (
+            good.clone(),
+            [&bytes()[..48], &[0, 0, 1, 0, 77, 0, 0, 0]].concat(),
+            "index 77 is out of range: there are 4 vertices",
+        ),
     ] {
         let error = load(&text, None, &data).unwrap_err();
         assert!(error.message().contains(wanted), "{wanted}: {error:?}");
