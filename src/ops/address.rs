@@ -81,7 +81,7 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
             let pointers = [translator.id(instruction, 0)?, translator.id(instruction, 1)?];
             let (a, b) = (translator.words_unchecked(pointers[0])?, translator.words_unchecked(pointers[1])?);
             if a.len() != b.len() {
-                return Err(translator.invalid("pointers of different storage classes are compared"));
+                return Err(translator.invalid("the compared pointers have different storage classes"));
             }
             let mut result = translator.constant(1)?;
             for (&a, &b) in a.iter().zip(&b) {
@@ -96,17 +96,16 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
         Opcode::PtrDiff => {
             // Both point into one array, and the stride may be known from either.
             let [base, other] = [translator.id(instruction, 0)?, translator.id(instruction, 1)?];
-            let default_stride =
-                |translator: &mut Translator<'_>, base, pointer: &Pointer| {
-                    let (stride, steps) = array_stride(translator, &[base, other]);
-                    translator.charge(steps);
-                    match stride {
-                        Stride::Unique(stride) => Ok(stride),
-                        Stride::Unknown => packed_stride(translator, pointer),
-                        Stride::Ambiguous => Err(translator
-                            .unsupported("pointers into an array that may have one of several strides")),
-                    }
-                };
+            let default_stride = |translator: &mut Translator<'_>, base, pointer: &Pointer| {
+                let (stride, steps) = array_stride(translator, &[base, other]);
+                translator.charge(steps);
+                match stride {
+                    Stride::Unique(stride) => Ok(stride),
+                    Stride::Unknown => packed_stride(translator, pointer),
+                    Stride::Ambiguous => Err(translator
+                        .unsupported("a pointer into an array whose stride is ambiguous is not supported")),
+                }
+            };
             let stride = stride(translator, base, &default_stride)?;
             let mut ends = Words::new();
             for at in 0..2 {
@@ -116,7 +115,7 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
                 ends.push(match *words {
                     [low, high] if physical => translator.pair(low, high)?,
                     [.., offset] => convert(translator, Conversion::U, 32, 64, offset)?,
-                    [] => return Err(translator.invalid("a pointer without a value")),
+                    [] => return Err(translator.invalid("the pointer has no value")),
                 });
             }
             let stride = translator.constant(stride)?;
@@ -165,11 +164,13 @@ fn raw_access_chain(translator: &mut Translator<'_>, instruction: &Instruction) 
     let offset = translator.integer(offset, ReadAs::Index)?;
     let ty = translator.result_type(instruction)?;
     let Type::Pointer { pointee: Some(pointee), storage_class, .. } = *translator.module.ty(ty) else {
-        return Err(translator.invalid("a raw access chain gives a pointer"));
+        return Err(translator.invalid("the result of a raw access chain must be a pointer"));
     };
     let block = translator.pointer(base)?;
     if !matches!(block.base, PointerBase::Buffer(_)) || block.storage_class != storage_class {
-        return Err(translator.invalid("a raw access chain leads into a buffer (SPV_NV_raw_access_chains)"));
+        return Err(
+            translator.invalid("a raw access chain must point into a buffer (SPV_NV_raw_access_chains)")
+        );
     }
     let mut index_so_far = block.index;
     for (index, stride) in [(index, stride), (offset, 1)] {
@@ -208,14 +209,15 @@ fn require_physical(translator: &Translator<'_>, ty: crate::module::ty::TypeId) 
         return Ok(());
     }
     let name = translator.module.describe_type(ty);
-    let error = translator.invalid(format!("only pointers to PhysicalStorageBuffer are numbers, not {name}"));
+    let error = translator
+        .invalid(format!("only PhysicalStorageBuffer pointers convert to and from integers, not {name}"));
     Err(error.note("VUID-StandaloneSpirv-PhysicalStorageBuffer64-04710"))
 }
 
 fn pointer_class(translator: &Translator<'_>, id: Id) -> Result<u32> {
     match *translator.module.ty(translator.type_of(id)?) {
         Type::Pointer { storage_class, .. } => Ok(storage_class),
-        _ => Err(translator.invalid("a pointer is needed here")),
+        _ => Err(translator.invalid("the operand must be a pointer")),
     }
 }
 
@@ -229,7 +231,7 @@ fn stride(
 ) -> Result<u32> {
     let ty = translator.type_of(base)?;
     let Type::Pointer { pointee: Some(pointee), stride, .. } = *translator.module.ty(ty) else {
-        return Err(translator.invalid("a pointer is needed here"));
+        return Err(translator.invalid("the operand must be a pointer"));
     };
     let pointer = translator.pointer(base)?;
     match pointer.base {
@@ -252,7 +254,7 @@ fn explicit_stride(translator: &mut Translator<'_>, base: Id, pointer: &Pointer)
     ) {
         let class = crate::module::names::storage_class_name(class);
         return Err(translator
-            .invalid(format!("the pointer's type has no ArrayStride decoration, which {class} needs"))
+            .invalid(format!("the pointer type has no ArrayStride decoration, which {class} requires"))
             .note(
                 "SPIR-V, OpPtrAccessChain: its base is a pointer whose type is decorated with ArrayStride",
             ));
@@ -270,7 +272,7 @@ fn explicit_stride(translator: &mut Translator<'_>, base: Id, pointer: &Pointer)
 /// The size of the pointee: the stride of a tightly packed array.
 fn packed_stride(translator: &Translator<'_>, pointer: &Pointer) -> Result<u32> {
     let size = translator.module.size_of(pointer.pointee).and_then(|size| u32::try_from(size).ok());
-    size.ok_or_else(|| translator.unsupported("a pointer into an array whose stride is not known"))
+    size.ok_or_else(|| translator.unsupported("a pointer into an array of unknown stride is not supported"))
 }
 
 /// The pointer to another element of the array that a pointer leads into.

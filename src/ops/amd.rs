@@ -58,7 +58,7 @@ fn trinary(translator: &mut Translator<'_>, number: u32, instruction: &Instructi
     let width = translator.scalar_width(ty)?;
     let count = translator.component_count(ty) as usize;
     if operands.iter().any(|operand| operand.len() != count) {
-        return Err(translator.invalid("the operands of a minimum or maximum of three differ in size"));
+        return Err(translator.invalid("the operands of a three-operand minimum or maximum differ in size"));
     }
     let mut found = Words::new();
     let [first, second, third] = operands;
@@ -174,7 +174,7 @@ fn operand(
     let words = translator.words(id)?;
     match words.len() {
         found if found == count => Ok(words),
-        found => Err(translator.invalid(format!("{found} words where {count} must be"))),
+        found => Err(translator.invalid(format!("the operand has {found} words instead of {count}"))),
     }
 }
 

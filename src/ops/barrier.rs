@@ -27,11 +27,14 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
                 Some(Scope::Subgroup) => {}
                 Some(Scope::Workgroup) if translator.stage == Stage::Compute => translator.emit(Op::Barrier),
                 Some(Scope::Workgroup) => {
-                    let message = format!("a barrier of scope Workgroup in {}", translator.stage.name());
+                    let message =
+                        format!("a barrier with scope Workgroup is used in {}", translator.stage.name());
                     return Err(translator.invalid(message).note("VUID-StandaloneSpirv-None-04637"));
                 }
                 _ => {
-                    let message = format!("a control barrier of scope {scope}: it is Workgroup or Subgroup");
+                    let message = format!(
+                        "the scope of a control barrier is {scope}: it must be Workgroup or Subgroup"
+                    );
                     return Err(translator.invalid(message).note("VUID-StandaloneSpirv-None-04636"));
                 }
             }

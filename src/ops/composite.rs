@@ -74,7 +74,7 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
             let (first, count) = part_words(translator, ty, indices)?;
             if object.len() != count {
                 return Err(
-                    translator.invalid("the object inserted has another type than the part it replaces")
+                    translator.invalid("the inserted object differs in type from the part that it replaces")
                 );
             }
             words[first..first + count].copy_from_slice(&object);
@@ -90,7 +90,9 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
             };
             let parts = array::map([translator.type_of(a)?, translator.type_of(b)?, ty], component);
             if parts[0].is_none() || parts.iter().any(|&part| part != parts[0]) {
-                return Err(translator.invalid("a shuffle takes and gives vectors of one component type"));
+                return Err(translator.invalid(
+                    "the operands and the result of a shuffle must be vectors of one component type",
+                ));
             }
             let mut components = translator.components(a)?;
             components.extend(translator.components(b)?);
@@ -98,9 +100,9 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
             for &literal in &translator.operands(instruction)[2..] {
                 let component = match literal {
                     u32::MAX => translator.undefined_component()?,
-                    _ => *components
-                        .get(literal as usize)
-                        .ok_or_else(|| translator.invalid(format!("component {literal} of a shuffle")))?,
+                    _ => *components.get(literal as usize).ok_or_else(|| {
+                        translator.invalid(format!("component {literal} of a shuffle does not exist"))
+                    })?,
                 };
                 chosen.push(component);
             }
@@ -144,7 +146,9 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
             let rows = columns.first().map_or(0, SmallVec::len);
             linear_algebra::check_shape(translator, instruction, rows, columns.len())?;
             if !linear_algebra::have_one_scalar_type(translator, instruction)? {
-                return Err(translator.invalid("a transposed matrix has the component type of the matrix"));
+                return Err(
+                    translator.invalid("a transposed matrix must have the component type of the matrix")
+                );
             }
             let transposed: Words =
                 (0..rows).flat_map(|row| columns.iter().map(move |column| column[row])).collect();
@@ -164,7 +168,7 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
             if translator.scalar_fingerprint(from)? != translator.scalar_fingerprint(to)? {
                 let [from, to] = [from, to].map(|ty| translator.module.describe_type(ty));
                 return Err(
-                    translator.invalid(format!("OpCopyLogical of {from} to {to}, which do not match"))
+                    translator.invalid(format!("OpCopyLogical from {from} to {to}, which do not match"))
                 );
             }
             let words = translator.operand(instruction, 0)?;
@@ -220,7 +224,7 @@ impl Translator<'_> {
     fn components_of_bool(&mut self, instruction: &Instruction, at: usize) -> Result<Words> {
         let id = self.id(instruction, at)?;
         let words = self.words(id)?;
-        if words.is_empty() { Err(self.invalid("a condition without a value")) } else { Ok(words) }
+        if words.is_empty() { Err(self.invalid("the condition has no value")) } else { Ok(words) }
     }
 }
 
@@ -236,13 +240,13 @@ pub fn replicate(translator: &mut Translator<'_>, ty: TypeId, part: crate::modul
         && element != found
     {
         let [name, found] = [ty, found].map(|ty| translator.module.describe_type(ty));
-        return Err(translator.invalid(format!("a {name} is not made of copies of a {found}")));
+        return Err(translator.invalid(format!("a {name} cannot consist of copies of a {found}")));
     }
     let words = translator.words(part)?;
     let count = translator.word_count(ty)? as usize;
     if words.is_empty() || !count.is_multiple_of(words.len()) {
         let name = translator.module.describe_type(ty);
-        return Err(translator.invalid(format!("the constituent repeated does not make a {name}")));
+        return Err(translator.invalid(format!("copies of the constituent do not form a {name}")));
     }
     Ok(words.iter().copied().cycle().take(count).collect())
 }
@@ -253,7 +257,7 @@ fn part_words(translator: &mut Translator<'_>, mut ty: TypeId, indices: &[u32]) 
     let mut first = 0;
     for &index in indices {
         let outside = |translator: &Translator<'_>| {
-            translator.invalid(format!("index {index} of a composite is too big"))
+            translator.invalid(format!("index {index} of a composite is out of range"))
         };
         ty = match *translator.module.ty(ty) {
             Type::Struct { ref members, .. } => {
@@ -278,7 +282,7 @@ fn part_words(translator: &mut Translator<'_>, mut ty: TypeId, indices: &[u32]) 
                 first += index * translator.word_count(element)?;
                 element
             }
-            _ => return Err(translator.invalid("an index into what is no composite")),
+            _ => return Err(translator.invalid("an index applies to a type that is not a composite")),
         };
     }
     Ok((first as usize, translator.word_count(ty)? as usize))
@@ -320,14 +324,14 @@ pub fn check_constituents(
         return Ok(());
     }
     let name = translator.module.describe_type(ty);
-    Err(translator.invalid(format!("the constituents do not make a {name}")))
+    Err(translator.invalid(format!("the constituents do not form a {name}")))
 }
 
 fn check_count(translator: &mut Translator<'_>, instruction: &Instruction, words: &Words) -> Result<()> {
     let ty = translator.result_type(instruction)?;
     if translator.word_count(ty)? as usize != words.len() {
         let name = translator.module.describe_type(ty);
-        return Err(translator.invalid(format!("the constituents do not make a {name}")));
+        return Err(translator.invalid(format!("the constituents do not form a {name}")));
     }
     Ok(())
 }
@@ -347,23 +351,23 @@ fn component_offset(
 }
 
 /// Which instructions make logical pointers.
-const LOGICAL_POINTERS: &str = "SPIR-V, 2.16.1: a logical pointer is the result of OpVariable, OpAccessChain, OpFunctionParameter and the like";
+const LOGICAL_POINTERS: &str = "SPIR-V, 2.16.1: a logical pointer is the result of OpVariable, \
+OpAccessChain, OpFunctionParameter or a similar instruction";
 
 /// Bits of a scalar; a device address has 64.
 fn bits(translator: &Translator<'_>, ty: TypeId) -> Result<u32> {
     match translator.module.ty(ty) {
         Type::Pointer { .. } if address::is_physical(translator, ty) => Ok(64),
         Type::Pointer { .. } => {
-            let message = "OpBitcast takes and gives device addresses, not logical pointers";
+            let message = "OpBitcast converts device addresses, not logical pointers";
             Err(translator.invalid(message).note(LOGICAL_POINTERS))
         }
         Type::Int { .. } | Type::Float { .. } => translator.scalar_width(ty),
         &Type::Vector { component, .. } => bits(translator, component),
         _ => {
             let name = translator.module.describe_type(ty);
-            Err(translator.invalid(format!(
-                "OpBitcast takes and gives numbers, vectors of them and pointers, not {name}"
-            )))
+            Err(translator
+                .invalid(format!("OpBitcast converts numbers, vectors of numbers and pointers, not {name}")))
         }
     }
 }
@@ -374,10 +378,10 @@ fn bitcast(translator: &mut Translator<'_>, instruction: &Instruction) -> Result
     let (from, to) = (bits(translator, source)?, bits(translator, target)?);
     if from * translator.component_count(source) != to * translator.component_count(target) {
         let [source, target] = [source, target].map(|ty| translator.module.describe_type(ty));
-        let message = format!("OpBitcast of {source} to {target}, which has other bits");
+        let message = format!("OpBitcast from {source} to {target}, which differ in their number of bits");
         return Err(translator
             .invalid(message)
-            .note("SPIR-V, 3.3.11, OpBitcast: as many bits on both sides"));
+            .note("SPIR-V, 3.3.11, OpBitcast: both sides have the same number of bits"));
     }
     let words = translator.words(id)?;
     if from == to || (from >= 32 && to == 32) {

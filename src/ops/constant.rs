@@ -73,15 +73,17 @@ pub fn operation(
     let instruction = tail(translator, id, ty, opcode, translator.origin.offset, operands.len());
     debug_assert_eq!(translator.module.operands(&instruction), operands);
     if Opcode::from_u32(opcode.into()).is_none() {
-        return Err(translator.unsupported(format!("{name} in OpSpecConstantOp")));
+        return Err(translator.unsupported(format!("{name} in OpSpecConstantOp is not supported")));
     }
     let emitted = translator.ops.len();
     crate::ops::translate_instruction(translator, opcode, &instruction)?;
     if translator.ops.len() != emitted {
-        return Err(translator.unsupported(format!("{name} on operands that are not constant")));
+        return Err(
+            translator.unsupported(format!("{name} on operands that are not constant is not supported"))
+        );
     }
     match translator.local(id) {
         Some(IdValue::Words(words)) => Ok(words.clone()),
-        _ => Err(translator.invalid(format!("{name} gives no constant"))),
+        _ => Err(translator.invalid(format!("the result of {name} is not a constant"))),
     }
 }

@@ -41,7 +41,7 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
     if !translator.derivatives {
         let name = crate::module::names::opcode_name(instruction.opcode);
         return Err(translator.invalid(format!(
-            "{name} needs a fragment stage, or compute with a derivative group \
+            "{name} requires a fragment stage, or compute with a derivative group \
              (SPV_KHR_compute_shader_derivatives)"
         )));
     }

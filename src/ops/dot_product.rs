@@ -83,10 +83,10 @@ fn check(
         Err(translator.invalid(format!("{name}: {what} (SPV_KHR_integer_dot_product)")))
     };
     let Type::Int { width: result_width, signed: result_signed } = *module.ty(result) else {
-        return invalid("the result is an integer");
+        return invalid("the result must be an integer");
     };
     if signs == [false, false] && result_signed {
-        return invalid("the result is an unsigned integer");
+        return invalid("the result must be an unsigned integer");
     }
     let mut vectors = [None; 2];
     for (at, signed) in signs.into_iter().enumerate() {
@@ -97,28 +97,28 @@ fn check(
         };
         let Type::Int { width, signed: own } = *module.ty(scalar) else {
             return invalid(
-                "the operands are vectors of integers, or integers of 32 bits with packed components",
+                "the operands must be vectors of integers, or 32-bit integers with packed components",
             );
         };
         if count == 1
             && (width != 32 || translator.operands(instruction).len() < 3 + usize::from(accumulates))
         {
-            return invalid("an operand that is no vector has 32 bits and a packed vector format");
+            return invalid("a scalar operand must have 32 bits and a packed vector format");
         }
         if count > 1 && !signed && own {
-            return invalid("an operand without signs is a vector of unsigned integers");
+            return invalid("an unsigned operand must be a vector of unsigned integers");
         }
         let component_width = if count == 1 { 8 } else { width };
         if result_width < component_width {
-            return invalid("the result has at least the bits of the operands' components");
+            return invalid("the result must be at least as wide as the operands' components");
         }
         vectors[at] = Some((width, count));
     }
     if vectors[0] != vectors[1] {
-        return invalid("the operands have the same bits and components");
+        return invalid("the operands must have the same component width and count");
     }
     if accumulates && translator.type_of(translator.id(instruction, 2)?)? != result {
-        return invalid("the accumulator has the type of the result");
+        return invalid("the accumulator must have the type of the result");
     }
     Ok(())
 }

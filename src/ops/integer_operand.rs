@@ -56,7 +56,7 @@ impl Translator<'_> {
         };
         let Type::Int { width, signed } = *self.module.ty(scalar) else {
             let name = self.module.describe_type(ty);
-            return Err(self.invalid(format!("%{} is of type {name} where an integer must be", id.0)));
+            return Err(self.invalid(format!("%{} is of type {name} instead of an integer type", id.0)));
         };
         let components = self.components_of(id, width)?;
         let Some(kernel) = kernel(read_as, width, signed) else { return Ok(components) };
@@ -70,7 +70,7 @@ impl Translator<'_> {
     pub fn integer(&mut self, id: Id, read_as: ReadAs) -> Result<Reg> {
         match self.integers(id, read_as)?[..] {
             [word] => Ok(word),
-            _ => Err(self.invalid(format!("%{} is a vector where a scalar integer must be", id.0))),
+            _ => Err(self.invalid(format!("%{} is a vector instead of a scalar integer", id.0))),
         }
     }
 }

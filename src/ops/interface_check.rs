@@ -102,7 +102,7 @@ pub fn check(
         if let (Some(vuid), Some(first), Some(second)) = (rule.single, all.next(), all.next()) {
             translator.origin.offset = offset(module, second.id);
             let message = format!(
-                "%{} and %{} are both {} variables of `{}`: one is allowed",
+                "%{} and %{} are both {} variables of `{}`: only one is allowed",
                 first.id.0,
                 second.id.0,
                 storage_class_name(rule.class),
@@ -151,7 +151,7 @@ fn check_instructions(translator: &mut Translator<'_>, entry: &EntryPoint, attri
             translator.origin.offset = instruction.offset;
             let limited = INSTRUCTION_STAGES.iter().find(|(opcode, _)| *opcode as u16 == instruction.opcode);
             if let Some((opcode, _)) = limited.filter(|(_, stages)| !stages.contains(letter)) {
-                let message = format!("Op{opcode:?} cannot stand in {}", translator.stage.name());
+                let message = format!("Op{opcode:?} cannot be used in {}", translator.stage.name());
                 return Err(translator.invalid(message).note("SPV_KHR_ray_tracing"));
             }
             let writes = || {

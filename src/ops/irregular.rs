@@ -143,7 +143,7 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
         Opcode::AssumeTrueKHR => {
             let words = translator.operand(instruction, 0)?;
             let &[condition] = &words[..] else {
-                return Err(translator.invalid("an assumption is a bool"));
+                return Err(translator.invalid("an assumption must be a bool"));
             };
             translator.emit_family(&observed::Assumption, 0, &[condition])?;
         }
@@ -193,7 +193,7 @@ fn convert(translator: &mut Translator<'_>, conversion: Conversion, instruction:
     if source.is_some() != takes_float || target.is_some() != gives_float {
         let name = crate::module::names::opcode_name(instruction.opcode);
         let [operand, ty] = [operand, ty].map(|ty| translator.module.describe_type(ty));
-        return Err(translator.invalid(format!("{name} from {operand} to {ty} (SPIR-V 3.3.11)")));
+        return Err(translator.invalid(format!("{name} cannot convert {operand} to {ty} (SPIR-V 3.3.11)")));
     }
     let rounding = Rounding::of(translator, instruction.result)?;
     let modes = translator.float_controls;
@@ -244,7 +244,7 @@ fn extended_instruction(translator: &mut Translator<'_>, instruction: &Instructi
         Some(crate::module::Definition::InstructionSet(at)) => {
             translator.module.instruction_sets[at as usize].as_str()
         }
-        _ => return Err(translator.invalid(format!("%{} is no instruction set", set.0))),
+        _ => return Err(translator.invalid(format!("%{} is not an instruction set", set.0))),
     };
     if name == debug_printf::SET {
         return debug_printf::translate(translator, instruction);
@@ -256,7 +256,7 @@ fn extended_instruction(translator: &mut Translator<'_>, instruction: &Instructi
         return Ok(());
     }
     if name != "GLSL.std.450" {
-        return Err(translator.unsupported(format!("the instruction set {name}")));
+        return Err(translator.unsupported(format!("the instruction set {name} is not supported")));
     }
     if let Some(family) = family(InstructionSet::Glsl, number) {
         return componentwise(translator, family, instruction, 2);
@@ -311,7 +311,7 @@ fn translate_glsl(
         G::PackDouble2x32 => {
             let words = translator.operand(instruction, 2)?;
             let &[low, high] = &words[..] else {
-                return Err(translator.invalid("a vector of two is needed here"));
+                return Err(translator.invalid("the operand must be a vector of two components"));
             };
             let first = match translator.optimizes {
                 true => translator.pair(low, high)?,
@@ -342,8 +342,9 @@ fn modf_or_frexp(
     for &component in &operand {
         for (result, family) in results.iter_mut().zip(families) {
             let kernel = family.kernel(width);
-            let kernel =
-                kernel.ok_or_else(|| translator.unsupported(format!("{width}-bit {}", family.name)))?;
+            let kernel = kernel.ok_or_else(|| {
+                translator.unsupported(format!("{width}-bit {} is not supported", family.name))
+            })?;
             let first = translator.emit_kernel(kernel, &[component])?;
             result.extend((0..kernel.words).map(|word| first.plus(word)));
         }
@@ -362,7 +363,7 @@ fn modf_or_frexp(
             let ty = translator.result_type(instruction)?;
             match translator.module.ty(ty) {
                 Type::Struct { members, .. } if members.len() == 2 => members[1].ty,
-                _ => return Err(translator.invalid("the result is a struct of two members here")),
+                _ => return Err(translator.invalid("the result must be a struct of two members")),
             }
         }
     };
@@ -410,8 +411,7 @@ fn check_second_type(
         return Ok(());
     }
     let name = translator.module.describe_type(ty);
-    Err(translator
-        .invalid(format!("the second part of Modf or Frexp is of type {name}, where {needed} must be")))
+    Err(translator.invalid(format!("the second part of Modf or Frexp is of type {name} instead of {needed}")))
 }
 
 fn pack(

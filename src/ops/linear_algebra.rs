@@ -112,7 +112,7 @@ impl FloatEmitter<'_, '_> {
                         Some(sum) => self.add(sum, term)?,
                     });
                 }
-                sum.ok_or_else(|| self.translator.invalid("a determinant of nothing"))
+                sum.ok_or_else(|| self.translator.invalid("the matrix of a determinant is empty"))
             }
         }
     }
@@ -180,7 +180,7 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
         check_shape(scalars.translator, instruction, columns, rows)?;
     }
     if !agree || left.is_empty() || right.is_empty() {
-        return Err(scalars.translator.invalid("the operands of a product do not fit together"));
+        return Err(scalars.translator.invalid("the operands of a product do not match"));
     }
     match opcode {
         Opcode::Dot => result.push(scalars.dot(&left, &right)?),
@@ -228,8 +228,8 @@ fn dot_of_bfloat16(
 ) -> Result<bool> {
     const DOT_PRODUCT: u32 = Capability::BFloat16DotProductKHR as u32;
     if !translator.module.capabilities.contains(&DOT_PRODUCT) {
-        let message = "OpDot of bfloat16_t needs the capability BFloat16DotProductKHR (SPV_KHR_bfloat16, \
-                       Arithmetic Instructions)";
+        let message = "OpDot of bfloat16_t requires the capability BFloat16DotProductKHR \
+        (SPV_KHR_bfloat16, Arithmetic Instructions)";
         return Err(translator.invalid(message));
     }
     let second = translator.type_of(translator.id(instruction, 1)?)?;
@@ -237,7 +237,7 @@ fn dot_of_bfloat16(
         .iter()
         .all(|&ty| translator.float_format(ty) == Some(FloatFormat::BFloat16));
     if !same || left.len() != right.len() {
-        return Err(translator.invalid("the operands of a product do not fit together"));
+        return Err(translator.invalid("the operands of a product do not match"));
     }
     let mut wide = [Words::new(), Words::new()];
     for (wide, narrow) in wide.iter_mut().zip([left, right]) {
@@ -270,7 +270,7 @@ pub fn check_shape(
     }
     let (name, opcode) =
         (translator.module.describe_type(ty), crate::module::names::opcode_name(instruction.opcode));
-    Err(translator.invalid(format!("{opcode} gives {columns} columns of {rows} here, and no {name}")))
+    Err(translator.invalid(format!("{opcode} computes {columns} columns of {rows}, not {name}")))
 }
 
 /// Whether the result and all operands have scalars of one type, a float.
@@ -306,7 +306,7 @@ pub fn translate_glsl(
         let width = scalar_width_of_matrix(translator, first)?;
         let columns = columns(translator, first)?;
         if columns.iter().any(|column| column.len() != columns.len()) {
-            return Err(translator.invalid("a square matrix is needed here"));
+            return Err(translator.invalid("the matrix must be square"));
         }
         let mut scalars = FloatEmitter { translator, width };
         let determinant = scalars.determinant(&columns)?;
@@ -350,7 +350,7 @@ pub fn translate_glsl(
     };
     let vectors = if number == GlslStd450Op::Refract { 2 } else { expected };
     if operands.len() < expected || size == 0 || operands[..vectors].iter().any(|v| v.len() != size) {
-        return Err(s.translator.invalid("the operands do not fit together"));
+        return Err(s.translator.invalid("the operands do not match"));
     }
     let a = operands[0].clone();
     let b = operands.get(1).cloned().unwrap_or_default();
@@ -381,7 +381,7 @@ pub fn translate_glsl(
         }
         GlslStd450Op::Cross => {
             if size != 3 {
-                return Err(s.translator.invalid("a cross product takes vectors of three components"));
+                return Err(s.translator.invalid("a cross product requires vectors of three components"));
             }
             for at in 0..3 {
                 let (next, last) = ((at + 1) % 3, (at + 2) % 3);
@@ -455,7 +455,7 @@ fn eta(s: &mut FloatEmitter<'_, '_>, instruction: &Instruction, reg: Reg) -> Res
 pub fn columns(translator: &mut Translator<'_>, matrix: crate::module::Id) -> Result<Vec<Words>> {
     let ty = translator.type_of(matrix)?;
     let Type::Matrix { column, count } = *translator.module.ty(ty) else {
-        return Err(translator.invalid("a matrix is needed here"));
+        return Err(translator.invalid("the operand must be a matrix"));
     };
     let each = translator.scalar_width(column)?.div_ceil(32) as usize;
     let words = translator.words(matrix)?;
@@ -467,6 +467,6 @@ pub fn columns(translator: &mut Translator<'_>, matrix: crate::module::Id) -> Re
 pub fn scalar_width_of_matrix(translator: &Translator<'_>, matrix: crate::module::Id) -> Result<u32> {
     match *translator.module.ty(translator.type_of(matrix)?) {
         Type::Matrix { column, .. } => translator.scalar_width(column),
-        _ => Err(translator.invalid("a matrix is needed here")),
+        _ => Err(translator.invalid("the operand must be a matrix")),
     }
 }

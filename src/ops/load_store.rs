@@ -43,7 +43,7 @@ pub(super) fn load_aligned(
             }
         }
         PointerBase::ComputedRegisters => {
-            let index = pointer.index.ok_or_else(|| translator.invalid("a pointer without a value"))?;
+            let index = pointer.index.ok_or_else(|| translator.invalid("the pointer has no value"))?;
             gather(translator, pointer.pointed_registers(), index, count)
         }
         PointerBase::Buffer(buffer) => {
@@ -57,10 +57,10 @@ pub(super) fn load_aligned(
             Ok(registers_from(to, count))
         }
         PointerBase::Texel(_) => {
-            Err(translator.invalid("a load through a pointer to a texel, which is for atomics"))
+            Err(translator.invalid("a load uses a pointer to a texel: only atomic instructions may use it"))
         }
         PointerBase::Descriptors { buffers: true, .. } => {
-            Err(translator.invalid("a load of a whole array of buffers"))
+            Err(translator.invalid("a load reads a whole array of buffers"))
         }
         PointerBase::Descriptors { first, array, .. } => {
             if let (true, &Type::Array { element, .. }) = (array, translator.module.ty(pointer.pointee)) {
@@ -129,11 +129,11 @@ pub(super) fn store_aligned(
         storage::INPUT | storage::PUSH_CONSTANT | storage::SHADER_RECORD_BUFFER | storage::UNIFORM_CONSTANT
     ) {
         let class = crate::module::names::storage_class_name(pointer.storage_class);
-        return Err(translator.invalid(format!("a store to {class}, which is read-only")));
+        return Err(translator.invalid(format!("a store writes to {class}, which is read-only")));
     }
     match pointer.base {
         PointerBase::Registers { constant: true, .. } => {
-            Err(translator.invalid("a store to an input variable"))
+            Err(translator.invalid("a store writes to an input variable"))
         }
         PointerBase::Registers { first: variable, count: registers, .. } => {
             let first = variable.plus(pointer.offset);
@@ -153,7 +153,7 @@ pub(super) fn store_aligned(
             Ok(())
         }
         PointerBase::ComputedRegisters => {
-            let index = pointer.index.ok_or_else(|| translator.invalid("a pointer without a value"))?;
+            let index = pointer.index.ok_or_else(|| translator.invalid("the pointer has no value"))?;
             scatter(translator, pointer.pointed_registers(), index, words)
         }
         PointerBase::Buffer(buffer) => {
@@ -165,9 +165,9 @@ pub(super) fn store_aligned(
             }
             Ok(())
         }
-        PointerBase::Descriptors { .. } => Err(translator.invalid("a store to a descriptor")),
+        PointerBase::Descriptors { .. } => Err(translator.invalid("a store writes to a descriptor")),
         PointerBase::Texel(_) => {
-            Err(translator.invalid("a store through a pointer to a texel, which is for atomics"))
+            Err(translator.invalid("a store uses a pointer to a texel: only atomic instructions may use it"))
         }
     }
 }
@@ -293,7 +293,7 @@ fn collect_scalars(
         }
         _ => {
             let name = translator.module.describe_type(ty);
-            return Err(translator.unsupported(format!("{name} in a buffer")));
+            return Err(translator.unsupported(format!("{name} in a buffer is not supported")));
         }
     }
     Ok(())

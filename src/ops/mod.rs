@@ -127,7 +127,7 @@ fn unless_opaque(translator: &Translator<'_>, instruction: &Instruction, error: 
     match result.into_iter().chain(operands).find(|&ty| module.is_opaque(ty)) {
         Some(ty) => {
             let (name, ty) = (opcode_name(instruction.opcode), module.describe_type(ty));
-            translator.unsupported(format!("{name} with a value of type {ty}"))
+            translator.unsupported(format!("{name} with a value of type {ty} is not supported"))
         }
         None => error,
     }
@@ -148,7 +148,7 @@ pub fn translate_instruction(
         return componentwise(translator, family, instruction, 0);
     }
     let Some(opcode) = Opcode::from_u32(number.into()) else {
-        return Err(translator.unsupported(format!("opcode {number} is not known")));
+        return Err(translator.unsupported(format!("opcode {number} is unknown")));
     };
     let done = composite::translate(translator, opcode, instruction)?
         || pointer::translate(translator, opcode, instruction)?
@@ -181,13 +181,14 @@ pub fn componentwise(
     let ids = &translator.operands(instruction)[first..];
     let arity = family.kernels[0].operands.iter().filter(|&&words| words > 0).count();
     if ids.len() < arity {
-        return Err(translator.invalid(format!("{} takes {arity} operands", family.name)));
+        return Err(translator.invalid(format!("{} requires {arity} operands", family.name)));
     }
     let ty = translator.type_of(Id(ids[0]))?;
     let width = translator.scalar_width(ty)?;
     let kernel = family.kernel(width);
-    let kernel =
-        kernel.ok_or_else(|| translator.unsupported(format!("{} on {width}-bit operands", family.name)))?;
+    let kernel = kernel.ok_or_else(|| {
+        translator.unsupported(format!("{} on {width}-bit operands is not supported", family.name))
+    })?;
     let mut operands: [Words; 3] = Default::default();
     for at in 0..arity {
         let id = Id(ids[at]);

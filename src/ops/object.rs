@@ -35,23 +35,23 @@ pub fn object_ref(
     const RULES: &str =
         "SPV_KHR_ray_query, SPV_NV_shader_invocation_reorder, SPV_EXT_shader_invocation_reorder";
     if !matches!(translator.module.ty(translator.type_of(id)?), Type::Pointer { .. }) {
-        return Err(translator.invalid(format!("%{} is no pointer to a variable", id.0)).note(RULES));
+        return Err(translator.invalid(format!("%{} is not a pointer to a variable", id.0)).note(RULES));
     }
     if is_chosen(translator.module, id) {
-        let message = format!("%{} is chosen between pointers: an object is named by its variable", id.0);
+        let message = format!("%{} selects between pointers: this operand must be a variable", id.0);
         return Err(translator.invalid(message).note(RULES));
     }
     let pointer = translator.pointer(id)?;
     if !is_wanted(translator.module.ty(pointer.pointee)) {
         let found = translator.module.describe_type(pointer.pointee);
-        let message = format!("%{} points to {found}, which is not what is used here", id.0);
+        let message = format!("%{} points to {found}, which this instruction does not accept", id.0);
         return Err(translator.invalid(message).note(RULES));
     }
     if !matches!(pointer.storage_class, storage::FUNCTION | storage::PRIVATE) {
         let class = crate::module::names::storage_class_name(pointer.storage_class);
         let found = translator.module.describe_type(pointer.pointee);
-        let error =
-            translator.invalid(format!("{found} in storage class {class}: it must be Function or Private"));
+        let error = translator
+            .invalid(format!("{found} is in storage class {class}, which must be Function or Private"));
         return Err(error.note(extension(translator.module.ty(pointer.pointee))));
     }
     match (&pointer.base, pointer.index) {
@@ -63,7 +63,7 @@ pub fn object_ref(
         (PointerBase::ComputedRegisters, Some(index)) => {
             Ok(ObjectRef::Computed { first: pointer.pointed_registers(), index })
         }
-        _ => Err(translator.invalid(format!("%{} is no pointer to a variable", id.0)).note(RULES)),
+        _ => Err(translator.invalid(format!("%{} is not a pointer to a variable", id.0)).note(RULES)),
     }
 }
 

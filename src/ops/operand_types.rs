@@ -118,7 +118,7 @@ pub fn check(translator: &Translator<'_>, number: u16, instruction: &Instruction
             if operands.len() != rule.operands.len() {
                 let (name, count) = (name.text(), rule.operands.len());
                 return Err(
-                    translator.invalid(format!("{name} takes {count} operands, not {}", operands.len()))
+                    translator.invalid(format!("{name} requires {count} operands, not {}", operands.len()))
                 );
             }
             (rule, operands, name)
@@ -205,7 +205,7 @@ impl PositionChecker<'_, '_> {
         let name = &*self.name.text();
         let needed = self.describe(constraint);
         let which = if at == 0 { "the result".to_owned() } else { format!("operand {at}") };
-        let message = format!("{which} of {name} is of type {found}, where {needed} must be");
+        let message = format!("{which} of {name} is of type {found} instead of {needed}");
         Err(self.translator.invalid(message).note(section_of(name)))
     }
 
@@ -325,23 +325,23 @@ impl PositionChecker<'_, '_> {
             }
             TypeConstraint::OtherWidth(kinds, at) => {
                 format!(
-                    "{} scalar or vector of other bits than {}, and as many components",
+                    "{} scalar or vector with other bits than {} and as many components",
                     kind_name(kinds),
                     name(at)
                 )
             }
             TypeConstraint::ComponentOf(at) => format!("the component type of {}", name(at)),
-            TypeConstraint::VectorOf(at) => format!("a vector of components like {}", name(at)),
+            TypeConstraint::VectorOf(at) => format!("a vector with components of the type of {}", name(at)),
             TypeConstraint::ScalarOrVectorOf(at) => {
-                format!("a scalar or vector of components like {}", name(at))
+                format!("a scalar or vector with components of the type of {}", name(at))
             }
             TypeConstraint::Pair(kinds) => {
                 format!("a struct of two members of one type, {} scalar or vector", kind_name(kinds))
             }
             TypeConstraint::MemberOf(at) => format!("the type of the members of {}", name(at)),
             TypeConstraint::PointerTo(at) => format!("a pointer to the type of {}", name(at)),
-            TypeConstraint::Pointee(at) => format!("what {} leads to", name(at)),
-            TypeConstraint::Condition(at) => format!("a bool, or as many as {} has components", name(at)),
+            TypeConstraint::Pointee(at) => format!("the type that {} points to", name(at)),
+            TypeConstraint::Condition(at) => format!("a bool, or a bool for each component of {}", name(at)),
         }
     }
 }

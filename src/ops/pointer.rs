@@ -186,7 +186,10 @@ pub fn variable(translator: &mut Translator<'_>, index: u32) -> Result<Pointer> 
                 return Err(user_defined_input(translator, id, pointee));
             };
             let builtin = builtin::find(number).ok_or_else(|| {
-                translator.unsupported(format!("the builtin {}", crate::module::names::builtin_name(number)))
+                translator.unsupported(format!(
+                    "the builtin {} is not supported",
+                    crate::module::names::builtin_name(number)
+                ))
             })?;
             let count = translator.word_count(pointee)?;
             let first = translator.fresh(count)?;
@@ -250,7 +253,8 @@ pub fn variable(translator: &mut Translator<'_>, index: u32) -> Result<Pointer> 
             let name = translator.module.name(id).or_else(block).unwrap_or_default().to_string();
             let slot = translator.slots.len() as u32;
             if translator.slots.len() == MAX_SLOTS {
-                return Err(translator.unsupported(format!("more than {MAX_SLOTS} descriptor bindings")));
+                return Err(translator
+                    .unsupported(format!("more than {MAX_SLOTS} descriptor bindings are not supported")));
             }
             translator.slots.push(Slot { binding: Binding { set, binding }, name, variable: id });
             let array =
@@ -263,14 +267,14 @@ pub fn variable(translator: &mut Translator<'_>, index: u32) -> Result<Pointer> 
         }
         other => {
             let name = crate::module::names::storage_class_name(other);
-            Err(translator.unsupported(format!("variables of storage class {name}")))
+            Err(translator.unsupported(format!("variables of storage class {name} are not supported")))
         }
     }
 }
 
 /// The error of an input variable that is no builtin: no stage precedes those that run here.
 fn user_defined_input(translator: &Translator<'_>, id: Id, pointee: TypeId) -> Error {
-    let message = format!("input variable %{} is no builtin", id.0);
+    let message = format!("input variable %{} is not a builtin", id.0);
     let members = matches!(translator.module.ty(pointee), Type::Struct { .. });
     if members || translator.module.decorations.find(id, number::LOCATION).is_some() {
         return translator.unsupported(message);
@@ -318,14 +322,16 @@ pub fn pointer_words(translator: &mut Translator<'_>, pointer: &Pointer) -> Resu
             let offset = translator.constant(0)?;
             Ok(SmallVec::from_slice(&[handle, offset]))
         }
-        PointerBase::Texel(_) => Err(translator.unsupported("a pointer to a texel as a value")),
+        PointerBase::Texel(_) => {
+            Err(translator.unsupported("a pointer to a texel as a value is not supported"))
+        }
     }
 }
 
 /// The pointer that the words of [`pointer_words`] represent.
 pub fn pointer_from_words(translator: &mut Translator<'_>, ty: TypeId, words: &[Reg]) -> Result<Pointer> {
     let Type::Pointer { storage_class, pointee: Some(pointee), .. } = *translator.module.ty(ty) else {
-        return Err(translator.invalid("a pointer is needed here"));
+        return Err(translator.invalid("the operand must be a pointer"));
     };
     let (base, index) = match (storage_class, words) {
         (storage::PHYSICAL_STORAGE_BUFFER, &[low, high]) => {
@@ -357,7 +363,7 @@ pub fn pointer_from_words(translator: &mut Translator<'_>, ty: TypeId, words: &[
         }
         _ => {
             let name = crate::module::names::storage_class_name(storage_class);
-            return Err(translator.unsupported(format!("pointers to {name} as values")));
+            return Err(translator.unsupported(format!("pointers to {name} as values are not supported")));
         }
     };
     Ok(Pointer { index, ..Pointer::new(base, pointee, storage_class) })
@@ -426,7 +432,10 @@ fn access_chain_step(
         Type::Struct { ref members, .. } => {
             let at = translator.constant_integer(index)? as usize;
             let Some(member) = members.get(at) else {
-                return Err(translator.invalid(format!("member {at} of a struct that has {}", members.len())));
+                return Err(translator.invalid(format!(
+                    "an access chain uses member {at} of a struct that has {}",
+                    members.len()
+                )));
             };
             if in_buffer {
                 let offset = member.offset.ok_or_else(|| {
@@ -482,7 +491,7 @@ fn access_chain_step(
         }
         _ => {
             let name = translator.module.describe_type(pointer.pointee);
-            Err(translator.invalid(format!("an access chain goes into {name}")))
+            Err(translator.invalid(format!("an access chain has an index into {name}")))
         }
     }
 }
@@ -490,7 +499,7 @@ fn access_chain_step(
 /// The error of a constant offset that 32 bits do not hold.
 #[cold]
 pub(super) fn beyond_4_gib(translator: &Translator<'_>) -> Error {
-    translator.unsupported("an offset beyond 4 GiB")
+    translator.unsupported("an offset beyond 4 GiB is not supported")
 }
 
 fn element_step(
@@ -610,14 +619,16 @@ pub fn translate(
             let member = translator.literal(instruction, 1)?;
             let pointer = translator.pointer(structure)?;
             let Type::Struct { members, .. } = translator.module.ty(pointer.pointee).clone() else {
-                return Err(translator.invalid("OpArrayLength of what is no struct"));
+                return Err(translator.invalid("the base of OpArrayLength is not a struct"));
             };
             let layout = members.get(member as usize).and_then(|member| {
                 let Type::RuntimeArray { stride, .. } = translator.module.ty(member.ty) else { return None };
                 Some((member.offset?, (*stride)?))
             });
             let (Some((offset, stride)), PointerBase::Buffer(buffer)) = (layout, &pointer.base) else {
-                return Err(translator.invalid("OpArrayLength of what is no runtime array in a buffer"));
+                return Err(
+                    translator.invalid("the member of OpArrayLength is not a runtime array in a buffer")
+                );
             };
             let to = translator.fresh(1)?;
             let buffer = *buffer;

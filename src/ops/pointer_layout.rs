@@ -33,7 +33,7 @@ pub fn infer_layout(translator: &Translator<'_>, id: Id, pointer: &mut Pointer) 
         [] => pointer.layout.matrix = Some(MatrixLayout { stride: 16, row_major: false }),
         [layout] => pointer.layout = layout,
         _ => {
-            let message = "a pointer that may lead into matrices of different layouts";
+            let message = "a pointer into matrices of different layouts is not supported";
             return Err(translator.unsupported(message));
         }
     }

@@ -272,8 +272,9 @@ impl<'m> Translator<'m> {
     /// The instructions that the invocation has executed in this shader so far, as two words.
     pub fn read_clock(&mut self) -> Result<Words> {
         self.set_clock()?;
-        let clock =
-            self.clock.ok_or_else(|| self.invalid("OpReadClockKHR without the capability ShaderClockKHR"))?;
+        let clock = self
+            .clock
+            .ok_or_else(|| self.invalid("OpReadClockKHR requires the capability ShaderClockKHR"))?;
         let to = self.fresh_words(2)?;
         for (word, &to) in to.iter().enumerate() {
             self.emit(Op::Memory(memory::MemoryOp::Move { to, from: clock.plus(word as u32) }));
@@ -409,7 +410,9 @@ impl<'m> Translator<'m> {
     pub fn emit_family(&mut self, family: &'static OpFamily, width: u32, from: &[Reg]) -> Result<Reg> {
         match family.kernel(width) {
             Some(kernel) => self.emit_kernel(kernel, from),
-            None => Err(self.unsupported(format!("Op{} on {width}-bit operands", family.name))),
+            None => {
+                Err(self.unsupported(format!("Op{} on {width}-bit operands is not supported", family.name)))
+            }
         }
     }
 
@@ -478,12 +481,12 @@ impl<'m> Translator<'m> {
     pub fn allocate_workgroup(&mut self, ty: TypeId) -> Result<Range<u32>> {
         let block = matches!(self.module.ty(ty), Type::Struct { block: true, .. });
         if block != self.workgroup_blocks && (self.workgroup_size > 0 || !block) {
-            let message = "variables in workgroup memory are either all blocks or none of them is";
+            let message = "either all variables in workgroup memory must be blocks, or none";
             return Err(self.invalid(message).note("SPV_KHR_workgroup_memory_explicit_layout"));
         }
         self.workgroup_blocks = block;
         let size = match block {
-            true => self.module.size_of(ty).ok_or_else(|| self.invalid("a block without a size"))?,
+            true => self.module.size_of(ty).ok_or_else(|| self.invalid("the block has no size"))?,
             false => u64::from(self.word_count(ty)?) * 4,
         };
         let start = if block { 0 } else { self.workgroup_size.next_multiple_of(8) };
@@ -569,7 +572,7 @@ impl<'m> Translator<'m> {
         }
         let name = self.module.describe_type(ty);
         let opcode = crate::module::names::opcode_name(instruction.opcode);
-        Err(self.invalid(format!("the operands of {opcode} do not give its result type, {name}")))
+        Err(self.invalid(format!("the operands of {opcode} do not match its result type {name}")))
     }
 
     /// The result type of an instruction.
@@ -578,8 +581,7 @@ impl<'m> Translator<'m> {
     /// `InvalidModule` where it has none.
     #[inline]
     pub fn result_type(&self, instruction: &Instruction) -> Result<TypeId> {
-        let id =
-            instruction.result_type.ok_or_else(|| self.invalid("an instruction without a result type"))?;
+        let id = instruction.result_type.ok_or_else(|| self.invalid("the instruction has no result type"))?;
         self.type_id(id)
     }
 
@@ -588,7 +590,7 @@ impl<'m> Translator<'m> {
     pub fn type_id(&self, id: Id) -> Result<TypeId> {
         match self.module.definition(id) {
             Some(Definition::Type(ty)) => Ok(ty),
-            _ => Err(self.invalid(format!("%{} is no type", id.0))),
+            _ => Err(self.invalid(format!("%{} is not a type", id.0))),
         }
     }
 

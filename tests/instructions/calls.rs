@@ -89,7 +89,7 @@ fn callable_data_is_a_whole_variable() {
         ..Shader::default()
     }
     .refused();
-    assert!(error.message().contains("is no variable: a whole variable is needed here"), "{error}");
+    assert!(error.message().contains("is not a variable: the operand must be a whole variable"), "{error}");
 }
 
 /// `SPV_NV_shader_invocation_reorder` and `SPV_KHR_ray_query`: operands are words and floats of 32
@@ -98,7 +98,7 @@ fn callable_data_is_a_whole_variable() {
 fn operands_of_reorderings_and_queries_have_32_bits() {
     for (body, wanted) in [
         ("OpReorderThreadWithHintNV %number %u1", "operand 1 of OpReorderThreadWithHintNV is of type float"),
-        ("OpReorderThreadWithHitObjectNV %object %u1", "has a hint, and no number of bits"),
+        ("OpReorderThreadWithHitObjectNV %object %u1", "has a hint, but no number of bits"),
         (
             "OpReorderThreadWithHitObjectNV %object %u1 %wide",
             "operand 3 of OpReorderThreadWithHitObjectNV is of type uint64_t",
@@ -109,7 +109,7 @@ fn operands_of_reorderings_and_queries_have_32_bits() {
         ),
         (
             "%kind = OpRayQueryGetIntersectionTypeKHR %uint %query %wide",
-            "the operand Intersection is no integer of 32 bits",
+            "the operand Intersection is not a 32-bit integer",
         ),
     ] {
         let error = Shader {

@@ -99,9 +99,9 @@ fn what_breaks_a_rule_is_refused_before_it_runs() {
         ("%a = OpRayQueryProceedKHR %uint %shared_query", "must be a bool"),
         ("%a = OpLoad %query_type %shared_query", "cannot be loaded"),
         ("OpCopyMemory %shared_query %shared_query", "cannot be loaded"),
-        ("OpRayQueryTerminateKHR %out", "which is not what is used here"),
+        ("OpRayQueryTerminateKHR %out", "which this instruction does not accept"),
         ("OpRayQueryGenerateIntersectionKHR %shared_query %zero3", "a hit distance must be a 32-bit float"),
-        ("OpHitObjectRecordEmptyEXT %shared_query", "which is not what is used here"),
+        ("OpHitObjectRecordEmptyEXT %shared_query", "which this instruction does not accept"),
     ];
     for (body, expected) in rows {
         let error = shader(TYPES, body, "").refused();

@@ -81,7 +81,7 @@ fn hit_objects_are_variables_that_are_not_loaded() {
     for (class, body, words) in [
         ("Private", "%value = OpLoad %object_type %object", "cannot be loaded"),
         ("Private", "OpCopyMemory %object %object", "cannot be loaded"),
-        ("Workgroup", record, "it must be Function or Private"),
+        ("Workgroup", record, "which must be Function or Private"),
     ] {
         let (kind, message) = of(class, body).unwrap_err();
         assert_eq!(kind, ErrorKind::InvalidModule, "{class}: {body}: {message}");

@@ -42,10 +42,10 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
             check_f16_vector(translator, opcode, component, count)?;
             return vector_components(translator, instruction, kind, count, &pointer).map(|()| true);
         }
-        _ => return Err(translator.invalid("an atomic instruction on what is no scalar")),
+        _ => return Err(translator.invalid("an atomic instruction requires a scalar")),
     };
     if width == 8 {
-        return Err(translator.invalid("an atomic instruction on 8 bits"));
+        return Err(translator.invalid("an atomic instruction accesses an 8-bit value"));
     }
     // The pointer is followed by scope and semantics (two for a comparison), then by the operands.
     let none = translator.wide_constant(0)?;
@@ -101,12 +101,14 @@ fn check_f16_vector(
     let halves = matches!(*translator.module.ty(component), Type::Float { width: 16, encoding: None });
     if !(takes_vectors && halves && matches!(count, 2 | 4)) {
         return Err(translator.invalid(format!(
-            "an atomic instruction on a vector; additions, minima, maxima and exchanges take those of two or four \
-             16-bit floats {SECTION}"
+            "an atomic instruction accesses a vector; only additions, minima, maxima and exchanges support \
+             vectors, of two or four 16-bit floats {SECTION}"
         )));
     }
     if !translator.module.capabilities.contains(&FLOAT16_VECTOR) {
-        let message = format!("an atomic instruction on a vector needs AtomicFloat16VectorNV {SECTION}");
+        let message = format!(
+            "an atomic instruction on a vector requires the capability AtomicFloat16VectorNV {SECTION}"
+        );
         return Err(translator.invalid(message));
     }
     Ok(())
@@ -123,7 +125,7 @@ fn vector_components(
     let values = translator.operand(instruction, 3)?;
     if values.len() as u32 != count {
         return Err(
-            translator.invalid("the operand of an atomic instruction has another type than the memory")
+            translator.invalid("the operand of an atomic instruction differs in type from the memory")
         );
     }
     let none = translator.wide_constant(0)?;
@@ -137,7 +139,8 @@ fn vector_components(
         let component = component as u32;
         let mut part = pointer.clone();
         let offset = component.checked_mul(stride).and_then(|bytes| part.offset.checked_add(bytes));
-        part.offset = offset.ok_or_else(|| translator.unsupported("an offset beyond 4 GiB"))?;
+        part.offset =
+            offset.ok_or_else(|| translator.unsupported("an offset beyond 4 GiB is not supported"))?;
         let target = atomic_target(translator, &part, 16, count)?;
         let (component, alignment) = ((component, count), alignment(translator, pointer, 16));
         let (to, comparator) = (none, none);
@@ -155,7 +158,7 @@ fn scalar(translator: &mut Translator<'_>, instruction: &Instruction, at: usize,
     let words = translator.operand(instruction, at)?;
     match words.first() {
         Some(&first) if words.len() as u32 == width.div_ceil(32) => Ok(first),
-        _ => Err(translator.invalid("the operand of an atomic instruction has another type than the memory")),
+        _ => Err(translator.invalid("the operand of an atomic instruction differs in type from the memory")),
     }
 }
 
@@ -169,14 +172,16 @@ fn atomic_target(
         PointerBase::Texel(ref texel) if (width == 64) == texel.view.wide && width * count >= 32 => {
             Ok(AtomicTarget::Texel(texel.clone()))
         }
-        PointerBase::Texel(_) => Err(translator.invalid("an atomic instruction on a texel of another width")),
+        PointerBase::Texel(_) => {
+            Err(translator.invalid("an atomic instruction differs in width from its texel"))
+        }
         PointerBase::Buffer(buffer) => {
             let (count, part) = if width == 64 { (2, 32) } else { (1, width) };
             let (offset, index) = (pointer.offset, pointer.index);
             Ok(AtomicTarget::Buffer(Chunk { buffer, offset, index, width: part, count, alignment: 1 }))
         }
         PointerBase::Registers { constant: true, .. } => {
-            Err(translator.invalid("an atomic on an input variable"))
+            Err(translator.invalid("an atomic instruction accesses an input variable"))
         }
         PointerBase::Registers { first, .. } => {
             let first = first.plus(pointer.offset);
@@ -188,6 +193,8 @@ fn atomic_target(
         PointerBase::ComputedRegisters => {
             Ok(AtomicTarget::Registers { first: pointer.pointed_registers(), index: pointer.index })
         }
-        PointerBase::Descriptors { .. } => Err(translator.invalid("an atomic instruction on a descriptor")),
+        PointerBase::Descriptors { .. } => {
+            Err(translator.invalid("an atomic instruction accesses a descriptor"))
+        }
     }
 }

@@ -69,8 +69,7 @@ impl Rounding {
             Some(1) => Ok(Self::TowardZero),
             Some(mode) => {
                 let vuid = "VUID-StandaloneSpirv-FPRoundingMode-04675";
-                Err(translator
-                    .invalid(format!("FPRoundingMode {mode}, which is neither RTE nor RTZ ({vuid})")))
+                Err(translator.invalid(format!("FPRoundingMode {mode} is neither RTE nor RTZ ({vuid})")))
             }
         }
     }
@@ -132,7 +131,9 @@ pub fn emit_conversion(
     match kernel(conversion, from, to) {
         Some(kernel) => translator.emit_kernel(kernel, &[value]),
         None if from == to => Ok(value),
-        None => Err(translator.unsupported(format!("a conversion from {from} to {to} bits"))),
+        None => {
+            Err(translator.unsupported(format!("a conversion from {from} to {to} bits is not supported")))
+        }
     }
 }
 

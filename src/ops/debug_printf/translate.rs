@@ -17,7 +17,7 @@ use crate::ops::translate::Translator;
 pub fn translate(translator: &mut Translator<'_>, instruction: &Instruction) -> Result<()> {
     let format = translator.id(instruction, 2)?;
     let Some(format) = translator.module.debug_info.strings.get(&format).cloned() else {
-        let error = translator.invalid("the format of a DebugPrintf is no OpString");
+        let error = translator.invalid("the format of a DebugPrintf is not an OpString");
         return Err(error.note("NonSemantic.DebugPrintf, Format"));
     };
     let mut arguments = Vec::new();

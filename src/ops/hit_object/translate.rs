@@ -257,7 +257,7 @@ fn check_stage(translator: &Translator<'_>, opcode: Opcode, instruction: &Instru
     let stages = if reorders { "ray generation" } else { "ray generation, closest hit and miss" };
     let found = translator.stage.name();
     Err(translator.invalid(format!(
-        "{name} in {found}: it is allowed only in {stages} (SPV_EXT_shader_invocation_reorder)"
+        "{name} is used in {found}: it is allowed only in {stages} (SPV_EXT_shader_invocation_reorder)"
     )))
 }
 
@@ -267,7 +267,7 @@ fn check_hint(translator: &Translator<'_>, opcode: Opcode, instruction: &Instruc
     if hint.is_some_and(|hint| translator.operands(instruction).len() == hint + 1) {
         let name = crate::module::names::opcode_name(instruction.opcode);
         return Err(translator.invalid(format!(
-            "{name} has a hint, and no number of bits (SPV_EXT_shader_invocation_reorder)"
+            "{name} has a hint, but no number of bits (SPV_EXT_shader_invocation_reorder)"
         )));
     }
     Ok(())

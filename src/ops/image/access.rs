@@ -142,7 +142,7 @@ fn new_texel_ref(
     let layer = usize::from(dimension.is_arrayed() || dimension.is_cube());
     let count = dimension.axes() + layer;
     if coordinate.len() < count {
-        return Err(translator.invalid(format!("a texel of this image has {count} coordinates")));
+        return Err(translator.invalid(format!("a texel of this image requires {count} coordinates")));
     }
     Ok(TexelRef {
         view,
@@ -175,7 +175,7 @@ fn integer_coordinates(translator: &mut Translator<'_>, instruction: &Instructio
 fn texel_pointer(translator: &mut Translator<'_>, instruction: &Instruction) -> Result<()> {
     let ty = translator.result_type(instruction)?;
     let Type::Pointer { storage_class, pointee: Some(pointee), .. } = *translator.module.ty(ty) else {
-        return Err(translator.invalid("OpImageTexelPointer gives a pointer"));
+        return Err(translator.invalid("the result of OpImageTexelPointer must be a pointer"));
     };
     let id = translator.id(instruction, 0)?;
     let view = view_of(translator, id)?;

@@ -25,7 +25,10 @@ pub(super) fn texel_result(
         ty = match translator.module.ty(ty) {
             Type::Struct { members, .. } if members.len() == 2 => members[1].ty,
             _ => {
-                return Err(translator.invalid("a sparse image instruction gives a struct of code and texel"));
+                return Err(translator.invalid(
+                    "the result of a sparse image instruction must be a struct \
+                of a residency code and a texel",
+                ));
             }
         };
         words.push(translator.constant(0)?);
@@ -36,7 +39,7 @@ pub(super) fn texel_result(
     let width = translator.scalar_width(ty)?;
     let texel = TexelRegisters { to: Reg(0), count: translator.component_count(ty), wide: width == 64 };
     if texel.count > 4 {
-        return Err(translator.invalid("a texel has at most four components"));
+        return Err(translator.invalid("a texel must have at most four components"));
     }
     let texel = TexelRegisters { to: translator.fresh(texel.registers())?, ..texel };
     words.extend((0..texel.registers()).map(|register| texel.to.plus(register)));
@@ -75,8 +78,8 @@ pub fn check_texel(translator: &Translator<'_>, image: Id, texel: TypeId) -> Res
         return Ok(());
     }
     let [texel, sampled] = [texel, sampled].map(|ty| translator.module.describe_type(ty));
-    let message = format!("a texel of type {texel} of an image whose Sampled Type is {sampled}");
-    Err(translator.invalid(message).note("SPIR-V 3.3.10: its components are the same as Sampled Type"))
+    let message = format!("the texel type {texel} does not match the image's Sampled Type {sampled}");
+    Err(translator.invalid(message).note("SPIR-V 3.3.10: its components must have the Sampled Type"))
 }
 
 fn image_type(translator: &Translator<'_>, id: Id) -> Result<ImageType> {
@@ -89,23 +92,31 @@ fn image_type(translator: &Translator<'_>, id: Id) -> Result<ImageType> {
     }
     match *translator.module.ty(ty) {
         Type::Image(image) => Ok(image),
-        _ => Err(translator.invalid(format!("%{} is no image", id.0))),
+        _ => Err(translator.invalid(format!("%{} is not an image", id.0))),
     }
 }
 
 fn view(translator: &Translator<'_>, image: &ImageType) -> Result<View> {
     let dimension = match (image.dim, dimension(image)) {
         (_, Some(dimension)) => dimension,
-        (4, _) => return Err(translator.unsupported("images of Dim Rect, which Vulkan does not have")),
-        (6, _) => return Err(translator.unsupported("subpass images, which only fragment stages have")),
+        (4, _) => {
+            return Err(
+                translator.unsupported("images of Dim Rect are not supported: Vulkan does not have them")
+            );
+        }
+        (6, _) => {
+            return Err(
+                translator.unsupported("subpass images are not supported: only fragment stages have them")
+            );
+        }
         (dim, None) => {
-            let arrayed = if image.arrayed { ", arrayed" } else { "" };
-            return Err(translator.unsupported(format!("images of Dim {dim}{arrayed}")));
+            let arrayed = if image.arrayed { " (arrayed)" } else { "" };
+            return Err(translator.unsupported(format!("images of Dim {dim}{arrayed} are not supported")));
         }
     };
     // No such image can be created, so nothing could be bound.
     if image.multisampled && !matches!(dimension, Dimension::D2 | Dimension::D2Array) {
-        let message = "a multisampled image of another dimension than 2D";
+        let message = "multisampled images of other dimensions than 2D are not supported";
         return Err(translator.unsupported(message).note("VUID-VkImageCreateInfo-samples-02257"));
     }
     let (class, width) = match *translator.module.ty(image.sampled_type) {
@@ -113,13 +124,15 @@ fn view(translator: &Translator<'_>, image: &ImageType) -> Result<View> {
         Type::Int { width, signed: true } => (Class::Sint, width),
         Type::Int { width, signed: false } => (Class::Uint, width),
         _ => {
-            return Err(translator
-                .invalid("a Sampled Type that is no number (VUID-StandaloneSpirv-OpTypeImage-04656)"));
+            return Err(translator.invalid(
+                "the Sampled Type of an image is not a number (VUID-StandaloneSpirv-OpTypeImage-04656)",
+            ));
         }
     };
     if width != 32 && !(width == 64 && class != Class::Float) {
         return Err(translator.unsupported(format!(
-            "a Sampled Type of {width} bits (VUID-StandaloneSpirv-OpTypeImage-04656 has 32, and 64-bit integers)"
+            "a Sampled Type of {width} bits is not supported (VUID-StandaloneSpirv-OpTypeImage-04656 \
+             allows 32 bits, and 64-bit integers)"
         )));
     }
     let format = Format::declared(image.format);

@@ -145,17 +145,19 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
     let id = translator.id(instruction, 0)?;
     let view = view_of(translator, id)?;
     let &[image, sampler] = &translator.words(id)?[..] else {
-        return Err(translator.invalid("a sampled image is needed here"));
+        return Err(translator.invalid("the operand must be a sampled image"));
     };
     if !matches!(view.dimension, Dimension::D2 | Dimension::D3) || view.multisampled {
         return Err(
-            translator.invalid("only planes and volumes have footprints (SPV_NV_shader_image_footprint)")
+            translator.invalid("only 2D and 3D images have footprints (SPV_NV_shader_image_footprint)")
         );
     }
     let axes = view.dimension.axes();
     let coordinate: Words = translator.operand(instruction, 1)?[..].into();
     if coordinate.len() < axes {
-        return Err(translator.invalid(format!("{} coordinates for this image", coordinate.len())));
+        return Err(
+            translator.invalid(format!("{} coordinates are too few for this image", coordinate.len()))
+        );
     }
     let coordinate: Words = coordinate[..axes].into();
     let [granularity, coarse] =
@@ -165,8 +167,8 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
     if !explicit {
         if !translator.derivatives {
             return Err(translator.invalid(
-                "OpImageSampleFootprintNV needs implicit derivatives, which only fragment stages have, and compute \
-                 with a derivative group: give the image operand Lod or Grad",
+                "OpImageSampleFootprintNV requires implicit derivatives, which only fragment stages and \
+                 compute with a derivative group have: add the image operand Lod or Grad",
             ));
         }
         let mut gradients = [Words::new(), Words::new()];
@@ -181,9 +183,8 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
     let registers = translator.word_count(ty)?;
     let fits = matches!(translator.module.ty(ty), Type::Struct { members, .. } if members.len() == 6);
     if !fits || registers as usize != 2 * axes + 5 {
-        return Err(
-            translator.invalid("a footprint is a struct of a bool, anchor, offset, mask, level, granularity")
-        );
+        return Err(translator
+            .invalid("the result must be a struct of bool, anchor, offset, mask, level and granularity"));
     }
     let to = translator.fresh(registers)?;
     translator.emit(Operation::Image(ImageOp::Footprint(Box::new(FootprintOp {

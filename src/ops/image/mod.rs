@@ -268,7 +268,7 @@ mod tests {
             assert_eq!(error.kind(), ErrorKind::InvalidModule, "{opcode:?}");
             let name = format!("Op{opcode:?}");
             assert!(error.message().starts_with(&name), "{error}");
-            assert!(error.message().contains("needs implicit derivatives"), "{error}");
+            assert!(error.message().contains("requires implicit derivatives"), "{error}");
         }
     }
 }

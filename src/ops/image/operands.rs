@@ -85,8 +85,7 @@ impl Operands {
             operands.bias = words(translator)?.first().copied();
         } else if mask & BIAS != 0 {
             return Err(translator.invalid(
-                "the image operand Bias is only for implicit levels of detail, which this instruction lacks \
-                 (SPIR-V 3.14)",
+                "the image operand Bias requires an instruction with an implicit level of detail (SPIR-V 3.14)",
             ));
         }
         if mask & LOD != 0 {
@@ -121,7 +120,7 @@ impl Operands {
             0 => None,
             SIGN_EXTEND => Some(Class::Sint),
             ZERO_EXTEND => Some(Class::Uint),
-            _ => return Err(translator.invalid("both SignExtend and ZeroExtend")),
+            _ => return Err(translator.invalid("the image operands contain both SignExtend and ZeroExtend")),
         };
         let known = BIAS
             | LOD
@@ -140,13 +139,15 @@ impl Operands {
             | NONTEMPORAL
             | OFFSETS;
         if mask & !known != 0 {
-            return Err(translator.unsupported(format!("image operands {:#x}", mask & !known)));
+            return Err(
+                translator.unsupported(format!("image operands {:#x} are not supported", mask & !known))
+            );
         }
         if operands.offset.as_ref().is_some_and(|offset| offset.len() > 3)
             || operands.offsets.as_ref().is_some_and(|offsets| offsets.len() != 8)
         {
             return Err(
-                translator.invalid("offsets of texels have one to three components, or four times two")
+                translator.invalid("texel offsets must have one to three components, or be four pairs")
             );
         }
         Ok(operands)

@@ -379,12 +379,11 @@ fn sampled(
     let id: Id = translator.id(instruction, at)?;
     let view = view_of(translator, id)?;
     let &[image, sampler] = &translator.words(id)?[..] else {
-        return Err(translator.invalid("a sampled image is needed here"));
+        return Err(translator.invalid("the operand must be a sampled image"));
     };
     if !dimensions.contains(&view.dimension) || view.multisampled || view.class != Class::Float {
-        return Err(
-            translator.invalid("image processing of another kind of image (SPV_QCOM_image_processing)")
-        );
+        return Err(translator
+            .invalid("image processing does not support this kind of image (SPV_QCOM_image_processing)"));
     }
     Ok(SampledImageRef { view, image, sampler })
 }
@@ -393,6 +392,8 @@ fn pair(translator: &mut Translator<'_>, instruction: &Instruction, at: usize) -
     let words = translator.operand(instruction, at)?;
     match words.len() {
         2 => Ok(words),
-        count => Err(translator.invalid(format!("{count} words where a vector of two must be"))),
+        count => {
+            Err(translator.invalid(format!("the operand has {count} words instead of being a vector of two")))
+        }
     }
 }

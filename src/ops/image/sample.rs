@@ -155,11 +155,11 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
     let id = translator.id(instruction, 0)?;
     let view = view_of(translator, id)?;
     let &[image, sampler] = &translator.words(id)?[..] else {
-        return Err(translator.invalid("a sampled image is needed here"));
+        return Err(translator.invalid("the operand must be a sampled image"));
     };
     if view.multisampled || view.dimension == Dimension::Buffer {
         return Err(translator.invalid(
-            "texel buffers and multisampled images are fetched or read, not sampled (SPIR-V 3.3.10)",
+            "texel buffers and multisampled images can be fetched or read, not sampled (SPIR-V 3.3.10)",
         ));
     }
     let dref_or_component =
@@ -172,15 +172,17 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
     // A query has no array coordinate.
     let count = components(dimension) + usize::from(dimension.is_arrayed() && !queries);
     if coordinate.len() < count + usize::from(projected) {
-        return Err(translator.invalid(format!("{} coordinates for this image", coordinate.len())));
+        return Err(
+            translator.invalid(format!("{} coordinates are too few for this image", coordinate.len()))
+        );
     }
     if projected && (dimension.is_arrayed() || dimension.is_cube()) {
-        return Err(translator.invalid("projection of an array or a cube (SPIR-V 3.3.10)"));
+        return Err(translator.invalid("arrays and cubes cannot be sampled with projection (SPIR-V 3.3.10)"));
     }
     if gathers
         && !matches!(dimension, Dimension::D2 | Dimension::D2Array | Dimension::Cube | Dimension::CubeArray)
     {
-        return Err(translator.invalid("only planes and cubes are gathered (SPIR-V 3.3.10)"));
+        return Err(translator.invalid("only 2D and cube images can be gathered (SPIR-V 3.3.10)"));
     }
     let mut dref_or_component = dref_or_component;
     if implicit && projected {
@@ -202,11 +204,11 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
     }
     let short = |gradient: &Words| gradient.len() < components(dimension);
     if operands.gradients.iter().flatten().any(short) {
-        return Err(translator.invalid("gradients with fewer components than the coordinate"));
+        return Err(translator.invalid("the gradients have fewer components than the coordinate"));
     }
     if !gathers && operands.lod.is_none() && operands.gradients.is_none() {
         return Err(translator
-            .invalid("an explicit level of detail needs the image operand Lod or Grad (SPIR-V 3.3.10)"));
+            .invalid("an explicit level of detail requires the image operand Lod or Grad (SPIR-V 3.3.10)"));
     }
     let divisor = (projected && !implicit).then(|| coordinate[count]);
     let kind = match dref_or_component {
@@ -245,7 +247,7 @@ fn float_coordinates(translator: &mut Translator<'_>, instruction: &Instruction)
     };
     if !matches!(translator.module.ty(scalar), Type::Float { .. }) {
         return Err(translator
-            .invalid("the coordinate of a sample is a float scalar or vector")
+            .invalid("the coordinate of a sample must be a float scalar or vector")
             .note("SPIR-V 3.3.10: unless the Kernel capability is declared, it must be floating point"));
     }
     operands::numeric_components(translator, id)

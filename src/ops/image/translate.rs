@@ -24,7 +24,7 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
             let sampled = translator.type_of(translator.id(instruction, 0)?)?;
             let result = translator.result_type(instruction)?;
             if !matches!(*translator.module.ty(sampled), Type::SampledImage(image) if image == result) {
-                return Err(translator.invalid("OpImage takes the image of a sampled image of its type"));
+                return Err(translator.invalid("OpImage requires a sampled image of its result type"));
             }
             let words = translator.operand(instruction, 0)?;
             translator.define_result(instruction, SmallVec::from_slice(&words[..1]));
@@ -37,8 +37,9 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
         _ if IMPLICIT.contains(&opcode) && !translator.derivatives => {
             let name = crate::module::names::opcode_name(instruction.opcode);
             return Err(translator.invalid(format!(
-                "{name} needs implicit derivatives, which only fragment stages have, and compute with a derivative \
-                 group (SPIR-V 3.3.10, \"{name}\"): give the level of detail or gradients explicitly"
+                "{name} requires implicit derivatives, which only fragment stages and compute with a \
+                 derivative group have (SPIR-V 3.3.10, \"{name}\"): specify the level of detail or \
+                 gradients explicitly"
             )));
         }
         _ => {
@@ -66,15 +67,17 @@ fn are_combined(module: &Module, found: TypeId, wanted: TypeId) -> bool {
 fn check_sampled_image(translator: &Translator<'_>, instruction: &Instruction) -> Result<()> {
     let result = translator.result_type(instruction)?;
     let Type::SampledImage(image) = *translator.module.ty(result) else {
-        return Err(translator.invalid("the result of OpSampledImage is no sampled image"));
+        return Err(translator.invalid("the result of OpSampledImage is not a sampled image"));
     };
     let found = translator.type_of(translator.id(instruction, 0)?)?;
     if !are_combined(translator.module, found, image) {
-        return Err(translator.invalid("the image of OpSampledImage is not of its result's image type"));
+        return Err(
+            translator.invalid("the image of OpSampledImage does not have the image type of its result")
+        );
     }
     let sampler = translator.type_of(translator.id(instruction, 1)?)?;
     match *translator.module.ty(sampler) {
         Type::Sampler => Ok(()),
-        _ => Err(translator.invalid("the sampler of OpSampledImage is none")),
+        _ => Err(translator.invalid("the sampler operand of OpSampledImage is not a sampler")),
     }
 }

@@ -93,7 +93,7 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
 fn committed(translator: &mut Translator<'_>, instruction: &Instruction) -> Result<bool> {
     let id = translator.id(instruction, 1)?;
     if !matches!(translator.module.ty(translator.type_of(id)?), Type::Int { width: 32, .. }) {
-        let message = "the operand Intersection is no integer of 32 bits (SPV_KHR_ray_query)";
+        let message = "the operand Intersection is not a 32-bit integer (SPV_KHR_ray_query)";
         return Err(translator.invalid(message));
     }
     match translator.constant_integer(id)? {

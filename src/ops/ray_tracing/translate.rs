@@ -47,7 +47,7 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
             let classes = &[storage::CALLABLE_DATA, storage::INCOMING_CALLABLE_DATA];
             let data = named_variable(translator, opcode, instruction, 1, classes)?;
             let Some(&index) = index.first() else {
-                return Err(translator.invalid("an SBT index without a value").note(RULES));
+                return Err(translator.invalid("the SBT index has no value").note(RULES));
             };
             translator.emit(Operation::Stop(RayTracingOp::ExecuteCallable { index, data }));
             translator.invalidate_known_values();
@@ -65,7 +65,7 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
         Opcode::ConvertUToAccelerationStructureKHR => {
             let words = translator.operand(instruction, 0)?;
             let &[low, high] = &words[..] else {
-                return Err(translator.invalid("a device address has 64 bits"));
+                return Err(translator.invalid("a device address must have 64 bits"));
             };
             let first = translator.pair(low, high)?;
             translator.define_result(instruction, SmallVec::from_slice(&[first, first.plus(1)]));
@@ -109,7 +109,7 @@ fn named_variable(
 /// The registers of a whole variable of one of some storage classes.
 pub fn variable_span(translator: &mut Translator<'_>, id: Id, classes: &[u32]) -> Result<RegSpan> {
     if !matches!(translator.module.definition(id), Some(Definition::Variable(_))) {
-        let message = format!("%{} is no variable: a whole variable is needed here", id.0);
+        let message = format!("%{} is not a variable: the operand must be a whole variable", id.0);
         return Err(translator.invalid(message).note(RULES));
     }
     let pointer = translator.pointer(id)?;
@@ -118,13 +118,13 @@ pub fn variable_span(translator: &mut Translator<'_>, id: Id, classes: &[u32]) -
         let wanted: Vec<_> = classes.iter().map(|&class| name(class)).collect();
         let found = name(pointer.storage_class);
         let wanted = wanted.join(" or ");
-        let message = format!("a variable in storage class {found}: {wanted} is needed here");
+        let message = format!("the variable is in storage class {found} instead of {wanted}");
         return Err(translator.invalid(message).note(RULES));
     }
     match pointer {
         Pointer { base: PointerBase::Registers { first, .. }, index: None, offset, pointee, .. } => {
             Ok(RegSpan { first: first.plus(offset), count: translator.word_count(pointee)? })
         }
-        _ => Err(translator.unsupported("a payload that is no whole variable")),
+        _ => Err(translator.unsupported("a payload that is not a whole variable is not supported")),
     }
 }

@@ -67,7 +67,7 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
                 Some(GroupOperation::Reduce) => BallotCount::Count,
                 Some(GroupOperation::InclusiveScan) => BallotCount::CountInclusive,
                 Some(GroupOperation::ExclusiveScan) => BallotCount::CountExclusive,
-                _ => return Err(translator.invalid("a group operation that counts no bits")),
+                _ => return Err(translator.invalid("the group operation cannot count bits")),
             };
             let value = translator.id(instruction, 2)?;
             emit(translator, instruction, SubgroupKind::BallotCount(bits), Some(value), None)?;
@@ -91,7 +91,7 @@ fn cluster(translator: &mut Translator<'_>, instruction: &Instruction, at: usize
         Some(&id) => match translator.constant_integer(Id(id))? {
             size @ 1..=128 if size.is_power_of_two() => Ok(size as u32),
             // Undefined where it is executed, not a broken rule.
-            size => Err(translator.unsupported(format!("a cluster of {size} invocations"))),
+            size => Err(translator.unsupported(format!("a cluster of {size} invocations is not supported"))),
         },
     }
 }
@@ -139,7 +139,7 @@ fn emit(
         _ => results == 1,
     };
     if !fits {
-        return Err(translator.invalid("a subgroup instruction with a result of another type"));
+        return Err(translator.invalid("the result of a subgroup instruction has the wrong type"));
     }
     let to = emit_op(translator, kind, results, registers)?;
     translator.define_result(instruction, registers_from(to, results));
@@ -213,8 +213,9 @@ fn reduction(translator: &mut Translator<'_>, opcode: Opcode, instruction: &Inst
     let ty = translator.result_type(instruction)?;
     let width = translator.scalar_width(ty)?;
     let kernel = family.kernel(width);
-    let kernel =
-        kernel.ok_or_else(|| translator.unsupported(format!("{} on {width}-bit operands", family.name)))?;
+    let kernel = kernel.ok_or_else(|| {
+        translator.unsupported(format!("{} on {width}-bit operands is not supported", family.name))
+    })?;
     let operation = translator.literal(instruction, 1)?;
     let identity = {
         let bits = identity(width);
@@ -230,13 +231,16 @@ fn reduction(translator: &mut Translator<'_>, opcode: Opcode, instruction: &Inst
         Some(GroupOperation::PartitionedReduceEXT) => (ReductionKind::Reduce(0), true),
         Some(GroupOperation::PartitionedInclusiveScanEXT) => (ReductionKind::InclusiveScan, true),
         Some(GroupOperation::PartitionedExclusiveScanEXT) => (ReductionKind::ExclusiveScan(identity), true),
-        _ => return Err(translator.invalid(format!("group operation {operation}"))),
+        _ => {
+            return Err(translator
+                .invalid(format!("group operation {operation} does not exist for this instruction")));
+        }
     };
     let kind = SubgroupKind::Reduce { kernel, reduction, partitioned };
     let partition = if partitioned {
         let words = translator.operand(instruction, 3)?;
         if words.len() != 4 {
-            return Err(translator.invalid("a partition that is no vector of four"));
+            return Err(translator.invalid("the partition is not a vector of four components"));
         }
         (translator.consecutive(&words)?, 4)
     } else {
@@ -247,7 +251,7 @@ fn reduction(translator: &mut Translator<'_>, opcode: Opcode, instruction: &Inst
         translator.module.ty(translator.type_of(id)?),
         Type::Bool | Type::Int { .. } | Type::Float { .. } | Type::Vector { .. }
     ) {
-        return Err(translator.invalid("a group operation on what is no scalar or vector"));
+        return Err(translator.invalid("the operand of a group operation is not a scalar or vector"));
     }
     let mut words = Words::new();
     for value in translator.components(id)? {

@@ -24,9 +24,9 @@ impl Translator<'_> {
                 return Ok(IdValue::Words(self.undefined(ty)?));
             }
             Some(Definition::Result(..) | Definition::Parameter(..)) => {
-                return Err(self.invalid(format!("%{} is used where it has no value yet", id.0)));
+                return Err(self.invalid(format!("%{} is used before it has a value", id.0)));
             }
-            _ => return Err(self.invalid(format!("%{} is no value", id.0))),
+            _ => return Err(self.invalid(format!("%{} is not a value", id.0))),
         };
         self.values.define_global(id, value.clone());
         Ok(value)
@@ -48,7 +48,9 @@ impl Translator<'_> {
             && !pointer.is_packed(self)
             && (pointer.layout.component_stride.is_some() || ends_in_matrix(self.module, pointer.pointee))
         {
-            return Err(self.unsupported("a pointer into a matrix in memory or in a composite"));
+            return Err(self.unsupported(
+                "a pointer into a matrix, stored in memory or in a composite, is not supported",
+            ));
         }
         self.words_unchecked(id)
     }
@@ -97,14 +99,16 @@ impl Translator<'_> {
         let ty = self.type_of(length)?;
         let Type::Int { width, signed } = *self.module.ty(ty) else {
             let name = self.module.describe_type(ty);
-            return Err(self.invalid(format!("the length of an array is of type {name}; it is an integer")));
+            return Err(
+                self.invalid(format!("the length of an array is of type {name} instead of an integer type"))
+            );
         };
         if signed && bits >> (width - 1) & 1 == 1 {
-            return Err(self.invalid("an array of a length below zero"));
+            return Err(self.invalid("the length of an array is negative"));
         }
         match u32::try_from(bits) {
             Ok(length) if length > 0 => Ok(length),
-            _ => Err(self.invalid(format!("an array of length {bits}"))),
+            _ => Err(self.invalid(format!("the length of an array is {bits}"))),
         }
     }
 }

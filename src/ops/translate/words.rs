@@ -60,7 +60,7 @@ impl Translator<'_> {
                 let name = self.module.describe_type(ty);
                 return Err(match other {
                     Type::RuntimeArray { .. } => self.invalid(format!("{name} cannot be a value")),
-                    _ => self.unsupported(format!("values of type {name}")),
+                    _ => self.unsupported(format!("values of type {name} are not supported")),
                 });
             }
         })
@@ -75,10 +75,10 @@ impl Translator<'_> {
             Type::Bool => Ok(0),
             Type::Int { width, .. } | Type::Float { width, .. } => Ok(width),
             Type::Vector { component, .. } => self.scalar_width(component),
-            _ => {
-                Err(self
-                    .invalid(format!("{} where a scalar or vector must be", self.module.describe_type(ty))))
-            }
+            _ => Err(self.invalid(format!(
+                "the operand is of type {} instead of a scalar or vector",
+                self.module.describe_type(ty)
+            ))),
         }
     }
 
@@ -159,16 +159,17 @@ impl Translator<'_> {
                 let part = self.module.words[constant.offset as usize + 3];
                 crate::ops::composite::replicate(self, constant.ty, Id(part))
             }
-            ConstantValue::Other(opcode) => {
-                Err(self.unsupported(format!("{} as a constant", crate::module::names::opcode_name(opcode))))
-            }
+            ConstantValue::Other(opcode) => Err(self.unsupported(format!(
+                "{} as a constant is not supported",
+                crate::module::names::opcode_name(opcode)
+            ))),
         };
         self.origin = before;
         self.in_constant = nested;
         let words = words?;
         if self.word_count(constant.ty)? as usize != words.len() {
             let name = self.module.describe_type(constant.ty);
-            return Err(self.invalid(format!("the constant %{} is no {name}", constant.id.0)));
+            return Err(self.invalid(format!("the constant %{} is not a {name}", constant.id.0)));
         }
         Ok(words)
     }
