@@ -287,12 +287,12 @@ fn editors_connect_to_a_port() {
 #[test]
 fn broken_frames_are_told_and_skipped() {
     let cases: [(&[u8], &str); 6] = [
-        (b"GET / HTTP/1.1\r\n\r\n", "is no line of a header"),
-        (b"Content-Length: -1\r\n\r\n", "is no length of a message"),
+        (b"GET / HTTP/1.1\r\n\r\n", "is not a header line"),
+        (b"Content-Length: -1\r\n\r\n", "is not a message length"),
         (b"Content-Length: 18446744073709551615\r\n\r\n", "is too long"),
         (b"\r\n\r\n", "has no Content-Length"),
         (b"Content-Length: 4\r\n\r\nnull", "a message is a JSON object"),
-        (b"Content-Length: 3\r\n\r\n{\"a", "the message is no JSON"),
+        (b"Content-Length: 3\r\n\r\n{\"a", "the message is not valid JSON"),
     ];
     for (bytes, why) in cases {
         let mut adapter = Adapter::start();

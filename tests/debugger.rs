@@ -366,9 +366,9 @@ fn an_input_cannot_be_set() {
 fn mistakes_are_explained() {
     let scene = ["shaders/pass/debugger/hair/scene.toml".to_owned()];
     for (command, answer) in [
-        ("jump", "there is no command `jump`"),
+        ("jump", "unknown command `jump`"),
         ("break 1000", "`shaders/pass/debugger/hair/main.rgen` has no code at or after line 1000"),
-        ("break nothing", "no function is called `nothing`"),
+        ("break nothing", "no function is named `nothing`"),
         ("break OpFrob", "`OpFrob` is not a SPIR-V opcode"),
         ("break other.rgen:3", "no shader was compiled from `other.rgen`; the sources are "),
         ("break", "a place is missing"),

@@ -301,12 +301,12 @@ mod tests {
     fn broken_frames_are_told() {
         for (bytes, why) in [
             (&b"{\"seq\":1}\r\n\r\n"[..], "has no Content-Length"),
-            (b"Content-Length: x\r\n\r\n", "`x` is no length of a message"),
-            (b"Content-Length: 99999999999999999999\r\n\r\n", "is no length of a message"),
+            (b"Content-Length: x\r\n\r\n", "`x` is not a message length"),
+            (b"Content-Length: 99999999999999999999\r\n\r\n", "is not a message length"),
             (b"Content-Length: 999999999999\r\n\r\n", "is too long"),
             (b"Content-Length: 5\r\n\r\n{}", "the input ends after 2 of the 5 bytes"),
-            (b"Content-Length: 5\r\n", "the input ends within the header"),
-            (b"Content-Length 5\r\n\r\n", "is no line of a header"),
+            (b"Content-Length: 5\r\n", "the input ends in the header"),
+            (b"Content-Length 5\r\n\r\n", "is not a header line"),
             (b"\r\n", "has no Content-Length"),
         ] {
             let found = read(bytes).unwrap_err();

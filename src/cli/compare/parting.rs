@@ -575,7 +575,7 @@ mod tests {
         comparison
             .writes(&json!([write("out[1]", 1.0)]), &json!([write("out[0]", 5.0), write("out[1]", 1.0)]));
         let found = comparison.found.value.expect("one write more");
-        assert_eq!(found.what, "what is written to out out[0]");
+        assert_eq!(found.what, "the value written to out out[0]");
         assert_eq!(found.values, ["no change".to_owned(), "float 5".to_owned()]);
     }
 
