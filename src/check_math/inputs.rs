@@ -70,7 +70,7 @@ impl fmt::Display for Inputs {
         match self.kind {
             InputKind::Every { stride: 1, .. } => f.write_str("all"),
             InputKind::Every { stride, first } => write!(f, "every {stride}th from {first} on"),
-            InputKind::Drawn { seed, .. } => write!(f, "drawn, seed {seed}"),
+            InputKind::Drawn { seed, .. } => write!(f, "random, seed {seed}"),
         }
     }
 }

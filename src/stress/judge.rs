@@ -74,7 +74,8 @@ fn fail<T>(what: impl Into<String>) -> Result<T, Failure> {
 
 /// Runs [`check`]; a panic counts as a failure.
 pub fn check_caught(case: &StressCase, precision: Precision) -> Result<Tally, Failure> {
-    catch_unwind(AssertUnwindSafe(|| check(case, precision))).unwrap_or_else(|_| fail("it panics"))
+    catch_unwind(AssertUnwindSafe(|| check(case, precision)))
+        .unwrap_or_else(|_| fail("the code under test panics"))
 }
 
 /// Up to this many pairs of instance and primitive of a case are all checked.
@@ -179,7 +180,7 @@ impl Judge<'_> {
         let line = if is_ray { ObjectLine::new(&self.ray, matrix) } else { None };
         let found = self.case_at_time.object_ray(instance, &self.ray).is_some();
         if found != line.is_some() {
-            return fail(format!("instance {instance}: an object-space ray: {found}, not {}", !found));
+            return fail(format!("instance {instance}: an object-space ray exists: {found}, not {}", !found));
         }
         self.case_at_time.check_transform(instance)?;
         Ok(line)
@@ -235,7 +236,7 @@ impl Judge<'_> {
     fn check_hit(&self, hit: &ExactHit, tally: &mut Tally) -> Result<(), Failure> {
         match self.line(hit.instance)? {
             Some(line) => self.check_primitive(hit.instance, hit.shape, &line, false, tally),
-            None => fail(format!("instance {} is hit", hit.instance)),
+            None => fail(format!("instance {} is hit without an object-space ray", hit.instance)),
         }
     }
 

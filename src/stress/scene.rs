@@ -216,7 +216,7 @@ impl<'a> TlasJudge<'a> {
                 }
             }
             if let Err(Failure(what)) = check_candidates(&self.tlas, &traces, &hits, &mut tally) {
-                failures.push(told(first, Failure(format!("rays together{what}"))));
+                failures.push(told(first, Failure(format!("rays traced together{what}"))));
             }
         }
         (tally, failures)

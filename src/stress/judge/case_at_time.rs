@@ -122,8 +122,10 @@ impl CaseAtTime {
         let tree = self.tree.get_or_init(|| ObvhsTree::new(self.shapes.iter().map(bounds)));
         let found = self.hits_among(trace, precision, |ray, test| tree.visit(ray, test));
         match hits.iter().find(|hit| !found.contains(hit)) {
-            Some(lost) => fail(format!("a tree over the bounds of the primitives loses {lost:?}")),
-            None if found.len() != hits.len() => fail("a tree over the bounds of the primitives adds hits"),
+            Some(lost) => fail(format!("a BVH over the bounds of the primitives misses {lost:?}")),
+            None if found.len() != hits.len() => {
+                fail("a BVH over the bounds of the primitives finds extra hits")
+            }
             None => Ok(()),
         }
     }

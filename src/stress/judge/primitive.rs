@@ -160,7 +160,7 @@ impl LineAndPrimitive<'_> {
         let kept = hit_mask >> lane & 1 != 0;
         tally.culled += u64::from(!kept);
         if is_hit && !kept {
-            return fail(format!("primitive {}: the block test culls what the line hits", self.index));
+            return fail(format!("primitive {}: the block test culls it, but the line hits it", self.index));
         }
         Ok(())
     }

@@ -66,7 +66,7 @@ impl TracedScene {
             let may_refuse = placements.iter().any(|placement| {
                 placement.motion.is_some() || !placement.transform.as_ref().is_none_or(has_inverse)
             });
-            return if may_refuse { Ok(None) } else { fail("a regular matrix is refused") };
+            return if may_refuse { Ok(None) } else { fail("a regular matrix is rejected") };
         };
         let geom_prims = counts.iter().enumerate().flat_map(|(geometry, &count)| {
             (0..count).map(move |primitive| (geometry as u32, primitive as u32))
@@ -149,7 +149,7 @@ impl TracedScene {
             }
             for (traces, hits) in [(&traces, &hits), (&shortened, &hits_of_shortened)] {
                 check_candidates(tlas, traces, hits, tally)
-                    .map_err(|Failure(what)| Failure(format!("rays together ({name}){what}")))?;
+                    .map_err(|Failure(what)| Failure(format!("rays traced together ({name}){what}")))?;
             }
         }
         Ok(())
@@ -219,7 +219,7 @@ pub(crate) fn check_packet(
 ) -> Result<(), Failure> {
     let mut found = Vec::new();
     if !packet.trace(tlas, traces, any, &mut found) || found.len() != traces.len() {
-        return fail(format!(" of {} rays: {} answers", traces.len(), found.len()));
+        return fail(format!(" of {} rays: {} results", traces.len(), found.len()));
     }
     for (lane, (found, hits)) in found.iter().zip(hits).enumerate() {
         let committed = found.map(|hit| (reported(&hit.candidate), hit.t, hit.hit_kind));
