@@ -603,11 +603,12 @@ fn stats_tell_of_structures_that_a_few_rays_look_through() {
         out.lines().find(|line| line.starts_with("structures")).expect("a line").to_owned()
     };
     let line = |trees: &str| {
-        format!("structures                1 of 1 were reached by rays and built, {trees} (linear swept spheres)")
+        format!(
+            "structures                1 of 1 were reached by rays and built, {trees} (linear swept spheres)"
+        )
     };
     // The first four rays that reach more than 512 primitives look through a list of them.
-    let (list, tree) =
-        (line("0 with a tree, 1 as a list for a few rays"), line("1 with a tree"));
+    let (list, tree) = (line("0 with a tree, 1 as a list for a few rays"), line("1 with a tree"));
     assert_eq!([structures(513, 1), structures(513, 4)], [list.clone(), list]);
     assert_eq!([structures(513, 5), structures(512, 1)], [tree.clone(), tree]);
 }

@@ -308,7 +308,11 @@ fn thousands_of_mistakes_are_counted_and_few_shown() {
 fn limits_are_set_by_name() {
     let ran = run(root(), &["inspect", MODULE, "--limit", "module-bytes=16"]);
     assert_eq!(ran.code, Some(5));
-    assert!(ran.err.contains("more bytes of a module than the limit `module-bytes` of 16 allows"), "{}", ran.err);
+    assert!(
+        ran.err.contains("more bytes of a module than the limit `module-bytes` of 16 allows"),
+        "{}",
+        ran.err
+    );
     let ran = run(root(), &["inspect", MODULE, "--limit", "module_bites=16"]);
     assert_eq!(ran.code, Some(2));
     assert!(ran.err.contains("unknown limit `module_bites`"), "{}", ran.err);

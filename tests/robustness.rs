@@ -279,8 +279,7 @@ fn panics_of_our_own_are_no_errors_of_a_file() {
     assert!(note.contains("tests/robustness.rs:") || note.contains("tests\\robustness.rs:"), "{note}");
     let begin = note.find('`').expect("a place") + 1;
     let refused = |place: &str| {
-        let error =
-            Error::new(ErrorKind::InvalidMesh, "x").note(format!("{}{place}`", &note[..begin]));
+        let error = Error::new(ErrorKind::InvalidMesh, "x").note(format!("{}{place}`", &note[..begin]));
         catch_unwind(|| subjects::refused(&error))
     };
     let absolute = subjects::root().join("src/scene/mesh/gltf.rs:7:9");

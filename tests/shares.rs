@@ -172,7 +172,11 @@ fn a_repeated_share_counts_once_and_other_files_are_refused() {
     assert_eq!(anyhit(&["merge"]).code, Some(2));
     let partial = merge(&files[..1], &["--partial"]);
     assert_eq!(partial.code, Some(0), "{}", partial.err);
-    assert!(partial.err.contains("share 2 of 2 is missing: the report covers only the others"), "{}", partial.err);
+    assert!(
+        partial.err.contains("share 2 of 2 is missing: the report covers only the others"),
+        "{}",
+        partial.err
+    );
     for (flags, words) in [
         (&["--coverage", "x.lcov"][..], "the shares recorded no coverage"),
         (&["-o", "x.png"], "`--output` applies to results of `anyhit render`"),

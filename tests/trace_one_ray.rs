@@ -629,7 +629,10 @@ fn hints_tell_patterns_and_not_their_twins() {
         "{nan:?}"
     );
     let empty = found("empty", 4, "empty_structure");
-    assert!(empty.len() == 1 && empty[0].ends_with("the acceleration structure has no instances"), "{empty:?}");
+    assert!(
+        empty.len() == 1 && empty[0].ends_with("the acceleration structure has no instances"),
+        "{empty:?}"
+    );
     assert!(found("scene", 4, "empty_structure").is_empty());
 }
 

@@ -206,7 +206,10 @@ fn a_mistake_names_its_tensor() {
         "`ray.direction` is 1 x 3 of F32: expected 2 rows",
     );
     one(&triangle().f32("ray.origin", &[6], &[0.0; 6]), "`ray.origin` is 6 of F32: expected rows of 3");
-    one(&triangle().f64("ray.tmin", &[0.5, 0.1]), "`ray.tmin` is 2 of F64: number 1 is 0.1, which is not an F32");
+    one(
+        &triangle().f64("ray.tmin", &[0.5, 0.1]),
+        "`ray.tmin` is 2 of F64: number 1 is 0.1, which is not an F32",
+    );
     one(&triangle().i32("driver.t", &[2], &[1, 2]), "`driver.t` is 2 of I32: expected F32 or F64");
     one(&triangle().f32("ray.flags", &[2], &[0.0; 2]), "`ray.flags` is 2 of F32: expected integers");
     one(&triangle().i32("ray.flags", &[2], &[0, -1]), "number 1 is -1");

@@ -169,8 +169,7 @@ fn compare_layouts(
                 }
             }
             if found.is_empty() {
-                let message =
-                    format!("{} and {} share no struct name", escape::path(&path), host.name());
+                let message = format!("{} and {} share no struct name", escape::path(&path), host.name());
                 return Err(Error::new(ErrorKind::InvalidArgument, message)
                     .note("help: name both structs: `--layout STRUCT --host-struct NAME`"));
             }

@@ -120,7 +120,9 @@ impl MergeArgs {
         let wrong = |flags: &[(bool, &'static str)], of: &str| {
             let given = flags.iter().find(|(given, _)| *given && command != of);
             given.map(|(_, flag)| {
-                format!("`{flag}` applies to results of `anyhit {of}`; these are results of `anyhit {command}`")
+                format!(
+                    "`{flag}` applies to results of `anyhit {of}`; these are results of `anyhit {command}`"
+                )
             })
         };
         let github = self.format == ReportFormat::Github && command != SuiteResult::COMMAND;

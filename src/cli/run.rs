@@ -106,9 +106,7 @@ pub(super) fn run(args: RunArgs) -> Result<()> {
             ));
         }
         false if args.variant.variant.is_some() => {
-            return Err(dump::invalid(
-                "`--variant` requires a scene: a bare module has no variants".into(),
-            ));
+            return Err(dump::invalid("`--variant` requires a scene: a bare module has no variants".into()));
         }
         false => {
             let (scene, command_line) =
@@ -234,6 +232,8 @@ fn saved_image(
             }
             Err(why) => Err(dump::invalid(format!("`--save {text}`: {why}"))),
         },
-        dump::FoundResource::Buffer(_) => Err(dump::invalid(format!("`--save {text}`: this is not an image"))),
+        dump::FoundResource::Buffer(_) => {
+            Err(dump::invalid(format!("`--save {text}`: this is not an image")))
+        }
     }
 }

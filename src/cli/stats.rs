@@ -175,8 +175,7 @@ mod tests {
             let stats = Stats { rays: 9, zero_directions, ..Stats::default() };
             table(&stats, Duration::ZERO, Duration::from_secs(1))
         };
-        let line =
-            "zero directions           4 rays with direction 0, which hit no triangle, sphere or swept sphere\n";
+        let line = "zero directions           4 rays with direction 0, which hit no triangle, sphere or swept sphere\n";
         assert!(told(4).contains(line), "{}", told(4));
         assert!(!told(0).contains("zero directions"));
     }

@@ -334,10 +334,7 @@ mod tests {
         fs::remove_file(repository.0.join("shaders/c.wgsl")).unwrap();
         let problems = repository.problems().join("\n");
         assert!(problems.contains("a.wgsl.spv: the source or an include of it has changed"), "{problems}");
-        assert!(
-            problems.contains("b.wgsl.spv: the fixture differs from the recorded module"),
-            "{problems}"
-        );
+        assert!(problems.contains("b.wgsl.spv: the fixture differs from the recorded module"), "{problems}");
         assert!(problems.contains("`c.wgsl.spv` has no source"), "{problems}");
         assert!(problems.contains("c.wgsl.spv: no source requests it"), "{problems}");
 

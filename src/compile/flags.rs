@@ -176,7 +176,8 @@ impl CompilerFlags {
                 let mut value = attached.to_owned();
                 if value.is_empty() {
                     let next = flags.get(at).map(|next| next.as_ref().to_owned());
-                    value = next.ok_or_else(|| refused(begin, format!("the flag `{flag}` requires a value")))?;
+                    value =
+                        next.ok_or_else(|| refused(begin, format!("the flag `{flag}` requires a value")))?;
                     at += 1;
                 }
                 if value.is_empty() || value.starts_with('-') {
@@ -202,7 +203,8 @@ impl CompilerFlags {
                     for &kind in slang_values(flag).unwrap_or_default() {
                         let value = value("")?;
                         if !kind.takes(&value) {
-                            let message = format!("the flag `{flag}` requires {}, not `{value}`", kind.name());
+                            let message =
+                                format!("the flag `{flag}` requires {}, not `{value}`", kind.name());
                             return Err(refused(at - 1, message));
                         }
                         all.passed.push(value);
@@ -359,7 +361,13 @@ mod tests {
                 "the flag `-target` is not passed on to slangc",
                 "of an HLSL",
             ),
-            (Language::Slang, &["-dump-intermediates"], 0, "`-dump-intermediates` is not passed on", "-O0 to -O3"),
+            (
+                Language::Slang,
+                &["-dump-intermediates"],
+                0,
+                "`-dump-intermediates` is not passed on",
+                "-O0 to -O3",
+            ),
             (
                 Language::Slang,
                 &["-depfile=x"],

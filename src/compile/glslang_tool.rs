@@ -82,7 +82,9 @@ pub(super) fn compile(source: &Source, stage: Stage, options: &CompileOptions) -
         let message =
             format!("{} cannot compile {}: {}", escape::path(&tool.path), source.name(), diagnostic.text);
         let error = Error::new(ErrorKind::UnsupportedTool, message);
-        return Err(error.note("help: install a newer glslang, or build anyhit with its own (`--features glsl`)"));
+        return Err(
+            error.note("help: install a newer glslang, or build anyhit with its own (`--features glsl`)")
+        );
     }
     Err(message::error(source, diagnostics, &printed))
 }

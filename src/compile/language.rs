@@ -106,9 +106,7 @@ impl Language {
             (Some(LanguageName::Glsl), _, Some(stage)) => Self::Glsl(stage),
             (Some(LanguageName::Glsl), Some(glsl @ Self::Glsl(_)), None) => glsl,
             (Some(LanguageName::Glsl), _, None) => {
-                return Err(
-                    "the name of the GLSL source does not identify its stage: set `stage`".to_owned()
-                );
+                return Err("the name of the GLSL source does not identify its stage: set `stage`".to_owned());
             }
             (Some(LanguageName::Hlsl), ..) => Self::Hlsl,
             (Some(LanguageName::Slang), ..) => Self::Slang,

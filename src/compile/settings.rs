@@ -105,7 +105,9 @@ mod tests {
         assert_eq!(slang.over(&CompileOptions::default()).entry_point, Some(entry));
         assert_eq!(settings("a.spv"), None);
         let wrong = SourceWords { entry: Some("sky".into()), ..SourceWords::default() };
-        assert!(wrong.settings(Path::new("a.rmiss")).unwrap_err().message().contains("only in Slang and HLSL"));
+        assert!(
+            wrong.settings(Path::new("a.rmiss")).unwrap_err().message().contains("only in Slang and HLSL")
+        );
         assert_eq!(wrong.settings(Path::new("a.slang")).unwrap().unwrap().entry_point.unwrap().stage, None);
         let wrong = SourceWords { flags: vec!["-o".into()], ..SourceWords::default() };
         let error = wrong.settings(Path::new("a.slang")).unwrap_err();

@@ -193,7 +193,8 @@ impl Source {
                 };
                 let limit = InputLimit::SourceBytes;
                 if let Err(error) = read_regular(&path, self.root.as_ref(), limit, &self.limits) {
-                    let message = format!("{includer} includes a file that must not be read: {}", error.message());
+                    let message =
+                        format!("{includer} includes a file that must not be read: {}", error.message());
                     let refused = Error::new(ErrorKind::InvalidSource, message);
                     let refused =
                         if error.class() == ErrorClass::Limit { refused.of_limit() } else { refused };

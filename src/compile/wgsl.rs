@@ -56,7 +56,8 @@ fn translate(source: &Source, options: &CompileOptions) -> Result<Compiled> {
                 };
                 let found = module.overrides.iter().find(|(_, one)| is_named(one));
                 let span = found.map(|(handle, _)| (module.overrides.get_span(handle), String::new()));
-                let message = format!("the override `{name}` has no default value, and overrides cannot be set");
+                let message =
+                    format!("the override `{name}` has no default value, and overrides cannot be set");
                 invalid(source, message, span.into_iter())
             }
             error => invalid(source, error.to_string(), std::iter::empty()),

@@ -37,8 +37,7 @@ impl Session {
                         Some((*dispatch, *id))
                     }
                     (PassWork::Launch(_), ExplainRequest::Invocation { .. }) => {
-                        let message =
-                            format!("pass {} is a launch, not a dispatch", pass.label(number));
+                        let message = format!("pass {} is a launch, not a dispatch", pass.label(number));
                         return Err(invalid(message).note("`--pixel X,Y` selects an invocation of a launch"));
                     }
                     _ => None,

@@ -130,7 +130,12 @@ fn starts_on_surface(placed: &PlacedRay<'_>) -> Option<String> {
 }
 
 fn empty_structure(placed: &PlacedRay<'_>) -> Option<String> {
-    placed.ray.traversal().instances.is_empty().then(|| "the acceleration structure has no instances".to_owned())
+    placed
+        .ray
+        .traversal()
+        .instances
+        .is_empty()
+        .then(|| "the acceleration structure has no instances".to_owned())
 }
 
 fn empty_cull_mask(placed: &PlacedRay<'_>) -> Option<String> {

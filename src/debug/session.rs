@@ -200,8 +200,7 @@ impl Session {
             ExplainRequest::Named(name) => self.named(name)?,
             ExplainRequest::InPass(..) => return Err(invalid("a request can name only one pass")),
             ExplainRequest::Invocation { .. } => {
-                let message =
-                    "rounding can be examined for rays and launch indices, not for an invocation of a dispatch";
+                let message = "rounding can be examined for rays and launch indices, not for an invocation of a dispatch";
                 return Err(invalid(message)
                     .note("`anyhit run` with --shadow or --perturb examines whole dispatches"));
             }

@@ -14,9 +14,7 @@ pub(super) fn undecided_candidates(placed: &PlacedRay<'_>) -> Option<String> {
     (!candidates.is_empty() && candidates.iter().all(is_dropped)).then(|| {
         let count = candidates.len();
         let plural = if count == 1 { "candidate" } else { "candidates" };
-        format!(
-            "it finds {count} {plural}, but its shader confirms none and generates no hit, so it misses"
-        )
+        format!("it finds {count} {plural}, but its shader confirms none and generates no hit, so it misses")
     })
 }
 
@@ -48,7 +46,6 @@ pub(super) fn time_lost(placed: &PlacedRay<'_>) -> Option<String> {
     let is_at_zero = traversal.time.is_some_and(|time| time.as_f64() == 0.0);
     let moves = traversal.instances.iter().any(|instance| instance.moves);
     let before = placed.from.first()?.traversal().time.filter(|time| time.as_f64() != 0.0)?;
-    (is_at_zero && moves).then(|| {
-        format!("it intersects moving geometry at time 0, but the previous ray has time {before}")
-    })
+    (is_at_zero && moves)
+        .then(|| format!("it intersects moving geometry at time 0, but the previous ray has time {before}"))
 }

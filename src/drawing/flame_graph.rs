@@ -31,8 +31,15 @@ pub fn svg(folded: &str, title: &str) -> Result<Vec<u8>> {
         options.name_type = "Line".to_owned();
         let mut svg = Vec::new();
         let drawn = inferno::flamegraph::from_lines(&mut options, folded.lines(), &mut svg);
-        drawn.map_err(|error| Error::new(ErrorKind::InvalidArgument, format!("cannot draw the flame graph: \
-        {error}")))?;
+        drawn.map_err(|error| {
+            Error::new(
+                ErrorKind::InvalidArgument,
+                format!(
+                    "cannot draw the flame graph: \
+        {error}"
+                ),
+            )
+        })?;
         Ok(svg)
     }
     #[cfg(not(feature = "flamegraph"))]

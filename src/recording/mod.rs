@@ -169,7 +169,8 @@ impl Recording {
         let rays = ray::read(&tensors)?;
         let (driver, reference) = (driver(&tensors, rays.len())?, reference(&tensors, rays.len())?);
         if driver.is_none() && reference.is_none() {
-            let message = "the recording contains neither `driver.t` nor `reference.t`: nothing to compare with";
+            let message =
+                "the recording contains neither `driver.t` nor `reference.t`: nothing to compare with";
             return Err(Error::new(ErrorKind::InvalidRecording, message));
         }
         let unknown_tensors = tensors.unknown_tensors();

@@ -235,8 +235,7 @@ mod tests {
         for geometry in REPEATED {
             let many = format!("{geometry}\nprimitive_count = 536870911");
             let text = message(&many, InputLimits::default());
-            let wanted =
-                "536870911 primitives of one scene exceed the limit `scene-primitives` of 67108864";
+            let wanted = "536870911 primitives of one scene exceed the limit `scene-primitives` of 67108864";
             assert!(text.contains(wanted) && text.contains("s.toml:2:"), "{text}");
             // A primitive takes at least 36 bytes while it is decoded.
             let few = format!("{geometry}\nprimitive_count = 1000");

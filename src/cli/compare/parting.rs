@@ -195,12 +195,7 @@ impl Comparison {
                 }
                 let what = format!("{name}, {}", both[0]);
                 self.plain(&format!("{what}, t"), Kind::Value, &tested["t"], &against["t"]);
-                self.plain(
-                    &format!("{what}, verdict"),
-                    Kind::Way,
-                    &tested["verdict"],
-                    &against["verdict"],
-                );
+                self.plain(&format!("{what}, verdict"), Kind::Way, &tested["verdict"], &against["verdict"]);
             }
         }
     }
@@ -450,9 +445,7 @@ pub(in crate::cli) fn text(first: &Value, second: &Value, names: [&str; 2], colo
         Some(value) => {
             difference(&mut page, "the first value that differs", value);
             match &way {
-                Some(way) if way != value => {
-                    difference(&mut page, "the first divergence", way)
-                }
+                Some(way) if way != value => difference(&mut page, "the first divergence", way),
                 Some(_) => {}
                 None => {
                     page.blank_line();

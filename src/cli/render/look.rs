@@ -224,7 +224,8 @@ impl LookArgs {
         let is_launched = cost.size == [width, height, 1];
         if !is_launched {
             let [x, y, z] = cost.size;
-            let message = format!("the image `{name}` is {width} x {height}, but the launch is {x} x {y} x {z}");
+            let message =
+                format!("the image `{name}` is {width} x {height}, but the launch is {x} x {y} x {z}");
             return Err(invalid(message)
                 .note("a page requires an image with a pixel per invocation; `--pass` selects a launch"));
         }

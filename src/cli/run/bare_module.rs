@@ -210,7 +210,10 @@ impl Arguments {
             (_, true) => {
                 let all: Vec<_> = module.entry_points.iter().collect();
                 invalid(format!("{shown} has no compute entry point"))
-                    .note(format!("its entry points: {}", if all.is_empty() { "none".into() } else { list(&all) }))
+                    .note(format!(
+                        "its entry points: {}",
+                        if all.is_empty() { "none".into() } else { list(&all) }
+                    ))
                     .note("a ray-tracing shader requires a scene file: anyhit run scene.toml")
             }
             (Some(name), _) => invalid(format!("{shown} has no compute entry point `{name}`"))

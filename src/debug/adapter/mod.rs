@@ -54,7 +54,10 @@ const REFUSED: &[(&str, &str)] = &[
     ("attach", "attaching is not supported: `launch` a scene with a pixel, a ray or an invocation"),
     ("goto", GOTO),
     ("gotoTargets", GOTO),
-    ("restartFrame", "a frame cannot be restarted: go back to its call with `stepBack`, or `rfinish` in the console"),
+    (
+        "restartFrame",
+        "a frame cannot be restarted: go back to its call with `stepBack`, or `rfinish` in the console",
+    ),
     ("stepInTargets", "`stepIn` enters the first call of a line; set a breakpoint to stop in another one"),
     ("terminateThreads", "lanes of a subgroup run together: `terminate` ends all"),
     ("writeMemory", "memory is written by variable name: use `setVariable` or `setExpression`"),

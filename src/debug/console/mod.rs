@@ -284,9 +284,8 @@ impl Console {
     /// The frame that commands are about.
     fn selected(&self) -> Result<StackFrame, String> {
         let frame = self.debugger.stack().into_iter().nth(self.frame);
-        frame.ok_or_else(|| {
-            "the run has ended (`rnext` steps back, `begin` returns to the first line)".into()
-        })
+        frame
+            .ok_or_else(|| "the run has ended (`rnext` steps back, `begin` returns to the first line)".into())
     }
 
     fn current_file(&self) -> Option<String> {

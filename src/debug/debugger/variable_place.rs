@@ -165,7 +165,9 @@ impl VariablePlace {
                 _ => Ok(vec![*first]),
             },
             PlaceStorage::Descriptors { .. } => Err("an array of buffers has no value".into()),
-            PlaceStorage::Pointer(_) => Err("it is a pointer that the compiler resolved: it has no value".into()),
+            PlaceStorage::Pointer(_) => {
+                Err("it is a pointer that the compiler resolved: it has no value".into())
+            }
             PlaceStorage::Parts(parts) => {
                 let mut words = Vec::new();
                 for part in parts {

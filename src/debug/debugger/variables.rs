@@ -262,7 +262,9 @@ fn place_of_local(
     }
     let why = match (is_declared, ambiguous) {
         (false, _) => "it is not declared yet",
-        (true, true) => "its value depends on the control flow that led here, and the compiler stores it nowhere",
+        (true, true) => {
+            "its value depends on the control flow that led here, and the compiler stores it nowhere"
+        }
         (true, false) => "the compiler removed it here",
     };
     let place = assemble(places, local, &parts, why);

@@ -132,9 +132,9 @@ impl Writer<'_> {
             PrimitiveOutcome::Candidate if is_decided => {
                 self.page.styled(TextStyle::Kept, "candidate, see below")
             }
-            PrimitiveOutcome::Candidate => self
-                .page
-                .styled(TextStyle::Dim, "candidate, not evaluated: a closer hit ended traversal"),
+            PrimitiveOutcome::Candidate => {
+                self.page.styled(TextStyle::Dim, "candidate, not evaluated: a closer hit ended traversal")
+            }
             PrimitiveOutcome::Behind => {
                 let behind = one.behind.map_or_else(String::new, |t| format!(" at t {t}"));
                 self.page.styled(TextStyle::Dim, format_args!("dropped: behind a closer hit{behind}"))

@@ -327,10 +327,7 @@ impl<'a> Evaluator<'a> {
                 if let Ok(count) = array.child_count(self.state)
                     && index >= count
                 {
-                    return Err(format!(
-                        "{index} is outside the {count} elements of {}",
-                        array.type_name()
-                    ));
+                    return Err(format!("{index} is outside the {count} elements of {}", array.type_name()));
                 }
                 array.child(index).map(Evaluated::Place)
             }
