@@ -95,7 +95,7 @@ impl ErrorKind {
 /// Returns a note on how to enable a feature of this crate: in Cargo.toml, or on the command line.
 pub(crate) fn feature_note(feature: &str) -> String {
     format!(
-        "enable the feature `{feature}`: `features = [\"{feature}\"]` in Cargo.toml, or `cargo build --features {feature}`"
+        "help: enable the feature `{feature}`: `features = [\"{feature}\"]` in Cargo.toml, or `cargo build --features {feature}`"
     )
 }
 

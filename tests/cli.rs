@@ -438,7 +438,7 @@ fn run_says_what_is_wrong_with_its_arguments() {
         (&["--buffer", "1={ f31 = 1 }"], "did you mean `f32`?"),
         (&["--dump", "sums=hx"], "`hx` is not typed, hex or json"),
         (&["--dump", "sms"], "`sms` is neither a resource of the scene nor a binding"),
-        (&["--save", "1=a.png"], "this is not an image"),
+        (&["--save", "1=a.png"], "the resource is not an image"),
     ];
     for (arguments, expected) in mistakes {
         let (code, out, err) = run(&[&["run", sums], *arguments].concat());

@@ -97,7 +97,7 @@ fn source_text(path: &Path, bytes: &[u8]) -> Option<Error> {
     let shown = escape::path(&path);
     let typed = shell::word(&shown.to_string());
     let (what, note) = if text.contains("OpCapability") {
-        ("SPIR-V assembly", format!("assemble it first: spirv-as {typed}"))
+        ("SPIR-V assembly", format!("help: assemble it: spirv-as {typed}"))
     } else {
         let note = format!(
             "expected a compiled module (usually .spv), or a source whose language its extension or `--language` \

@@ -233,7 +233,7 @@ fn saved_image(
             Err(why) => Err(dump::invalid(format!("`--save {text}`: {why}"))),
         },
         dump::FoundResource::Buffer(_) => {
-            Err(dump::invalid(format!("`--save {text}`: this is not an image")))
+            Err(dump::invalid(format!("`--save {text}`: the resource is not an image")))
         }
     }
 }

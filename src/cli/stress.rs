@@ -90,7 +90,7 @@ pub(super) fn run(args: StressArgs) -> Result<()> {
         ];
         if let Some((_, flags)) = given.iter().find(|(given, _)| *given) {
             let message = format!("{flags} cannot be used with a scene file");
-            let note = "help: give each run over the scene another `--seed`";
+            let note = "help: pass a different `--seed` to each run over the scene";
             return Err(Error::new(ErrorKind::InvalidArgument, message).note(note));
         }
         return run_scene(path, &args.files, &settings);

@@ -87,7 +87,7 @@ fn ray(trace: &TraceRay) -> String {
 
 fn node(instance: Option<u32>) -> String {
     match instance {
-        None => "node of the tree over the instances".into(),
+        None => "node of the instance tree".into(),
         Some(instance) => format!("node of instance {instance}"),
     }
 }
