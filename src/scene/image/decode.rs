@@ -283,7 +283,7 @@ mod tests {
         // 32768^2 texels of four bytes, twice.
         let words = refused(&png(32_768, 32_768), &limits);
         assert!(
-            words.contains("8589934592 bytes of an image are more than the limit `image-bytes`"),
+            words.contains("8589934592 bytes of an image exceed the limit `image-bytes`"),
             "{words}"
         );
         let words = refused(&png(8192, 8192), &limits);

@@ -73,12 +73,12 @@ fn broken_files_say_what_is_wrong() {
         (
             good.replace(r#""count":3"#, r#""count":900000000"#),
             bytes(),
-            "accessor 1: 300000000 triangles of a mesh are more than the limit `mesh-triangles`",
+            "accessor 1: 300000000 triangles of a mesh exceed the limit `mesh-triangles`",
         ),
         (
             good.replace(r#""count":4"#, r#""count":900000000"#),
             bytes(),
-            "accessor 0: 900000000 vertices of a mesh are more than the limit `mesh-vertices`",
+            "accessor 0: 900000000 vertices of a mesh exceed the limit `mesh-vertices`",
         ),
         (good.replace("5126", "5123"), bytes(), "accessor 0 is not [F32] Vec3"),
         // Indices of floats panicked in the crate.
