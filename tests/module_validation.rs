@@ -119,7 +119,7 @@ fn inspect_rejects_what_lowering_finds_invalid() {
     let ran = anyhit(&["inspect", text(&path)]);
     assert_eq!(ran.code, Some(2), "{ran:?}");
     assert!(ran.out.contains("GLCompute `main`: INVALID"), "{}", ran.out);
-    assert!(ran.err.contains("SPIR-V, 2.16.1") && !ran.err.contains("gap of anyhit"), "{}", ran.err);
+    assert!(ran.err.contains("SPIR-V, 2.16.1") && !ran.err.contains("limitation of anyhit"), "{}", ran.err);
 }
 
 /// A load whose value nothing reads lies outside of its buffer, which has one double.

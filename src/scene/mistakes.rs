@@ -70,7 +70,7 @@ fn the_version_comes_first() {
     }
     let newer = mistake("version = 2\n");
     assert_eq!(newer.kind(), ErrorKind::UnsupportedFile);
-    assert!(!newer.render().contains("a gap of anyhit"), "{newer:?}");
+    assert!(!newer.render().contains("a limitation of anyhit"), "{newer:?}");
     assert_eq!(mistake("version = 0\n").kind(), ErrorKind::InvalidScene);
 }
 
@@ -262,7 +262,7 @@ fn buffers_of_a_build() {
     one_mistake(
         &format!("{spheres}{half}{radii}"),
         "s/a.toml:2:1",
-        &["radius 1 ends at byte 8 of a buffer of 4"],
+        &["radius 1 ends at byte 8, past the end of its buffer of 4 bytes"],
     );
     one_mistake(
         &format!("{spheres}{radii}vertex_format = 'r32g32b32'\n"),
