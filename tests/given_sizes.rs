@@ -40,13 +40,13 @@ fn too_few_bytes_are_a_note() {
         (
             "push",
             short_push,
-            "note: the push constants: 48 bytes provided, 60 declared by RayGenerationKHR `main`",
+            "note: the push constants: 48 bytes given, 60 declared by RayGenerationKHR `main`",
         ),
-        ("hit", short_hit, "note: hit record 2: 20 bytes provided, 28 declared by ClosestHitKHR `main`"),
+        ("hit", short_hit, "note: hit record 2: 20 bytes given, 28 declared by ClosestHitKHR `main`"),
         (
             "raygen",
             short_raygen,
-            "note: the ray generation record: 12 bytes provided, 16 declared by RayGenerationKHR",
+            "note: the ray generation record: 12 bytes given, 16 declared by RayGenerationKHR",
         ),
     ] {
         let ran = anyhit(&["run", &scene(name, changes), "--dump", "outputs"]);
@@ -69,7 +69,7 @@ fn a_failure_shows_the_blocks_that_the_shader_reads() {
     let padded = [("{ u32 = 11 }, { f32 = [5, 6] }", "{ u32 = [11, 0, 0, 0] }, { f32 = [5, 6] }")];
     let text = scene("explained", &padded);
     let ran = anyhit(&["trace-one-ray", &text, "--pixel", "0,0"]);
-    for part in ["record table[0], byte 20", "record size", "40 bytes provided, 28 declared"] {
+    for part in ["record table[0], byte 20", "record size", "40 bytes given, 28 declared"] {
         assert!(ran.out.contains(part), "`{part}` is missing in {}{}", ran.out, ran.err);
     }
     // What fits has a value and no sizes.
@@ -84,7 +84,7 @@ fn an_explanation_shows_push_constants_with_their_sizes() {
         [("    { f32 = [1, 10, 4] },                       # values\n", "    { f32 = [1, 10, 4, 9] },\n")];
     let ran = anyhit(&["trace-one-ray", &scene("longer", &longer), "--pixel", "0,0"]);
     for part in
-        ["push constants.scale", "vec2(0.5, 0.25)", "push constants size", "64 bytes provided, 60 declared"]
+        ["push constants.scale", "vec2(0.5, 0.25)", "push constants size", "64 bytes given, 60 declared"]
     {
         assert!(ran.out.contains(part), "`{part}` is missing in {}{}", ran.out, ran.err);
     }

@@ -203,7 +203,7 @@ fn record_rows(record: &RecordData) -> Vec<(String, String)> {
 
 /// Both sizes of a block, where they differ.
 fn size_row(name: &str, given: u64, declared: u64) -> Option<(String, String)> {
-    let sizes = || (format!("{name} size"), format!("{given} bytes provided, {declared} declared"));
+    let sizes = || (format!("{name} size"), format!("{given} bytes given, {declared} declared"));
     (given != declared).then(sizes)
 }
 
