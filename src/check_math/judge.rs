@@ -60,7 +60,9 @@ impl CheckedFunction {
         match self.reference {
             ReferenceValue::Elementary(_, precise) => precise(&big(a)),
             ReferenceValue::ElementaryPair(_, precise) => precise(&big(a), &big(b)),
-            _ => unreachable!("bug in anyhit: a function that f64 decides is asked in arbitrary precision"),
+            _ => unreachable!(
+                "bug in anyhit: arbitrary precision is requested for a function that f64 decides"
+            ),
         }
     }
 

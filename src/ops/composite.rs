@@ -352,7 +352,7 @@ fn component_offset(
 
 /// Which instructions make logical pointers.
 const LOGICAL_POINTERS: &str = "SPIR-V, 2.16.1: a logical pointer is the result of OpVariable, \
-OpAccessChain, OpFunctionParameter or a similar instruction";
+                                OpAccessChain, OpFunctionParameter or a similar instruction";
 
 /// Bits of a scalar; a device address has 64.
 fn bits(translator: &Translator<'_>, ty: TypeId) -> Result<u32> {

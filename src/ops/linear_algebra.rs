@@ -229,7 +229,7 @@ fn dot_of_bfloat16(
     const DOT_PRODUCT: u32 = Capability::BFloat16DotProductKHR as u32;
     if !translator.module.capabilities.contains(&DOT_PRODUCT) {
         let message = "OpDot of bfloat16_t requires the capability BFloat16DotProductKHR \
-        (SPV_KHR_bfloat16, Arithmetic Instructions)";
+                       (SPV_KHR_bfloat16, Arithmetic Instructions)";
         return Err(translator.invalid(message));
     }
     let second = translator.type_of(translator.id(instruction, 1)?)?;

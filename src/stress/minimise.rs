@@ -11,7 +11,7 @@ use crate::stress::judge::{Failure, check_caught};
 /// Where the given case does not fail.
 pub fn minimise(case: &StressCase, precision: Precision) -> (StressCase, Failure) {
     let fails = |case: &StressCase| check_caught(case, precision).err();
-    let failure = fails(case).expect("bug in anyhit: a case that does not fail is made smaller");
+    let failure = fails(case).expect("bug in anyhit: a case that does not fail is minimised");
     let mut minimizer = Minimizer { best: case.clone(), failure, fails };
     // Each kept change makes the case smaller, so that this ends; the bound limits the time.
     for _ in 0..8 {

@@ -90,7 +90,7 @@ pub fn neighbour(face: u32, [i, j]: [i64; 2], size: u32) -> Option<(u32, [i64; 2
 /// along i and along j.
 pub fn corner(face: u32, [i, j]: [i64; 2], size: u32) -> [(u32, [i64; 2]); 3] {
     let inside = |at: i64| at.clamp(0, i64::from(size) - 1);
-    let beyond = |at| neighbour(face, at, size).expect("bug in anyhit: beyond one edge lies a texel");
+    let beyond = |at| neighbour(face, at, size).expect("bug in anyhit: there is no texel beyond the edge");
     [(face, [inside(i), inside(j)]), beyond([i, inside(j)]), beyond([inside(i), j])]
 }
 

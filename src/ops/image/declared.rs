@@ -27,7 +27,7 @@ pub(super) fn texel_result(
             _ => {
                 return Err(translator.invalid(
                     "the result of a sparse image instruction must be a struct \
-                of a residency code and a texel",
+                     of a residency code and a texel",
                 ));
             }
         };

@@ -110,8 +110,10 @@ fn fault(
         let message = format!("{who} declares no {}, and is given {gives}", passed.what);
         let [outgoing, incoming] = passed.keywords;
         let other = unpassed(called, passed.outgoing).map(|name| {
-            format!("it declares `{name}` as {outgoing}, which is for data that it passes to other \
-            shaders, not as {incoming}")
+            format!(
+                "it declares `{name}` as {outgoing}, which is for data that it passes to other \
+                 shaders, not as {incoming}"
+            )
         });
         // Where nothing shows the source, an optimizer may have dropped an unused declaration.
         let is_uncertain = other.is_none() && !has_source(&called.module);
