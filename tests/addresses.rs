@@ -80,7 +80,7 @@ fn a_trap_names_the_nearest_buffer() {
     let nodes = "[resources.first]\ntype = 'buffer'\naddress = 0x10_0000\n\
         data = [{ u32 = [3, 0] }, { u64 = 0x100028 }]\n";
     let error = words(&text(push, nodes)).unwrap_err();
-    let wanted = "24 bytes behind the end of the nearest buffer, `first` at 0x100000, which has 16 bytes";
+    let wanted = "24 bytes past the end of the nearest buffer, `first` at 0x100000, which has 16 bytes";
     assert!(error.render().contains(wanted), "{}", error.render());
 }
 
@@ -104,8 +104,8 @@ fn mistakes_are_shown_at_their_places() {
             String::new(),
             "the `offset` of an acceleration structure's address must be 0",
         ),
-        (String::new(), buffer("address = 0x20008"), "no multiple of 16"),
-        (String::new(), buffer("address = 64"), "too near to the null pointer"),
+        (String::new(), buffer("address = 0x20008"), "not a multiple of 16"),
+        (String::new(), buffer("address = 64"), "too close to the null pointer"),
         (String::new(), buffer("address = 0x20000") + other, "`c`, 32 bytes at 0x20010, overlaps `b`"),
         (String::new(), buffer("binding = 3"), "is not bound to a descriptor and has no `binding`"),
         (

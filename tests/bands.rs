@@ -260,7 +260,7 @@ fn what_reaches_other_rows_needs_the_whole() {
     );
     let error = error.expect_err("a transposed picture");
     assert_eq!(error.kind(), ErrorKind::InvalidArgument);
-    assert!(error.message().contains("set 0, binding 0 cannot be handed out in bands: RayGen"), "{error}");
+    assert!(error.message().contains("set 0, binding 0 cannot be processed in bands: RayGen"), "{error}");
 }
 
 #[test]
@@ -427,7 +427,7 @@ fn the_command_says_why_it_cannot_stream() {
     );
     assert!(
         err.contains(
-            "the whole image is held in memory: RayGenerationKHR `main` may reach texels of other rows"
+            "the whole image is held in memory: RayGenerationKHR `main` may access texels in rows other"
         ),
         "{err}"
     );

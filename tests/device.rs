@@ -54,9 +54,14 @@ fn a_feature_that_is_off_is_named() {
             "flags = ['skip_aabbs', 'allow_spheres_and_linear_swept_spheres']",
             &["`rayTraversalPrimitiveCulling`", "03596"],
         ),
-        ("", "max_ray_recursion_depth = 1", "max_recursion_depth = 2", &["recursion depth of 2", "03589"]),
-        ("", "max_instance_count = 1", "", &["2 instances: 1 is the most", "maxInstanceCount"]),
-        ("", "max_primitive_count = 0", "", &["1 primitives: 0 is the most", "maxPrimitiveCount"]),
+        (
+            "",
+            "max_ray_recursion_depth = 1",
+            "max_recursion_depth = 2",
+            &["recursion depth 2 exceeds the limit 1 of", "03589"],
+        ),
+        ("", "max_instance_count = 1", "", &["2 instances exceed the limit 1 of", "maxInstanceCount"]),
+        ("", "max_primitive_count = 0", "", &["1 primitives exceed the limit 0 of", "maxPrimitiveCount"]),
         (
             "",
             "",
@@ -155,7 +160,7 @@ fn what_moves_needs_a_pipeline_that_allows_it() {
         assert_eq!(refused_to_move(case, "flags = 'allow_motion'"), None);
         let found = refused_to_move(case, "flags = 'skip_aabbs'").unwrap_or_default();
         let traces =
-            format!("shader `main`: {instruction} traces at a time, which the pipeline does not allow");
+            format!("shader `main`: {instruction} specifies a time, which the pipeline does not allow");
         for words in [&traces, rule] {
             assert!(found.contains(words), "{case}: no `{words}` in:\n{found}");
         }
@@ -258,7 +263,7 @@ fn attributes_of_hit_objects_fit_the_device() {
     // A vec2 of the ray generation shader.
     let found = refused_hit_objects("from-query", "limits = { max_ray_hit_attribute_size = 4 }");
     let found = found.unwrap_or_default();
-    assert!(found.contains("`main` has hit attributes of 8 bytes: 4 is the most"), "{found}");
+    assert!(found.contains("`main` has hit attributes of 8 bytes, more than the limit 4"), "{found}");
     assert_eq!(refused_hit_objects("from-query", "limits = { max_ray_hit_attribute_size = 8 }"), None);
 }
 

@@ -150,7 +150,7 @@ fn records_and_device_addresses_obey_the_same_rules() {
         )
     };
     assert!(error(record(4)).is_none());
-    assert!(invalid(record(0)).contains("`S` has an array of ArrayStride 0"));
+    assert!(invalid(record(0)).contains("`S` has an array with ArrayStride 0"));
     let address = |second: &str| {
         let decorations = format!(
             "OpDecorate %T Block\nOpMemberDecorate %T 0 Offset 0\n{second}\nOpMemberDecorate %S 0 Offset 0"

@@ -326,7 +326,7 @@ fn a_name_with_several_layouts_is_no_guess() {
     refused(
         "data = { struct = 'Light', value = { on = 1 } }",
         &[
-            "`Light` has 2 layouts in the module: name one of them",
+            "`Light` has 2 layouts in the module: select one of them",
             "`Lights.first`: 16 bytes",
             "`Lights.rest`: 20 bytes",
             "s.toml:9:",
@@ -341,11 +341,11 @@ fn a_name_with_several_layouts_is_no_guess() {
     refused("data = { struct = 'Sum', value = {} }", &["no struct of the module is named `Sum`", "`Sun`?"]);
     refused(
         "data = { struct = 'SceneInfo.useSky', value = {} }",
-        &["the member `useSky` of struct SceneInfo_natural is no struct and leads to none"],
+        &["the member `useSky` of struct SceneInfo_natural is neither a struct nor a pointer to one"],
     );
     let stripped: Vec<&str> = SHADER.lines().filter(|line| !line.contains("Name %")).collect();
     let error = scene_of(&stripped.join("\n"), "data = { struct = 'Sun', value = {} }").unwrap_err();
-    assert!(error.render().contains("the module has no names of structs"), "{}", error.render());
+    assert!(error.render().contains("the module contains no struct names"), "{}", error.render());
     let without_members: Vec<&str> = SHADER.lines().filter(|line| !line.contains("OpMemberName")).collect();
     let error = scene_of(&without_members.join("\n"), "data = { struct = 'Sun', value = {} }").unwrap_err();
     assert!(error.render().contains("the members of struct Sun have no names"), "{}", error.render());

@@ -316,8 +316,8 @@ fn mistakes_are_named_with_their_rule() {
         (spheres(vec![1.0, -2.0], None), "primitive 1 has the negative radius -2", "10436"),
         (spheres(vec![1.0], None), "2 positions with 1 radii", ""),
         (spheres(vec![1.0; 2], Some(vec![0, 2])), "indices[1] names position 2 of 2", ""),
-        (mesh(4, None, None), "4 vertices do not make triangles", ""),
-        (mesh(3, Some(vec![0, 1]), None), "2 indices do not make triangles", ""),
+        (mesh(4, None, None), "the number of vertices (4) is not a multiple of 3", ""),
+        (mesh(3, Some(vec![0, 1]), None), "the number of indices (2) is not a multiple of 3", ""),
         (mesh(3, Some(vec![0, 1, 3]), None), "indices[2] names vertex 3 of 3", ""),
         (mesh(3, None, Some(singular)), "singular", "03799"),
     ];
@@ -473,10 +473,10 @@ fn motion_has_rules() {
     let two = triangles(&[1.0, 2.0], OPAQUE);
     let few = Geometry { vertices_t1: Some(vec![[0.0; 3]; 3].into()), ..two };
     let told = Blas::new(vec![few]).expect_err("a mistake").message().to_owned();
-    assert!(told.contains("3 vertices at time 1 for 6 at time 0"), "{told}");
+    assert!(told.contains("3 vertices at time 1, but 6 at time 0"), "{told}");
     let box_moves = Geometry { vertices_t1: Some(Vec::new().into()), ..boxes(&[(0.0, 1.0)], OPAQUE) };
     let told = Blas::new(vec![box_moves]).expect_err("a mistake").message().to_owned();
-    assert!(told.contains("only triangles move"), "{told}");
+    assert!(told.contains("only triangles can move"), "{told}");
     // Half way between the identity and its mirror image there is no inverse: the instance is not
     // there.
     let mut mirrored = IDENTITY;

@@ -156,7 +156,7 @@ impl<'a> BuildInput<'a> {
     fn segments(&self, indexing: Indexing) -> Result<Entries<'a>> {
         if indexing == Indexing::Successive && self.indices.is_none() {
             return Err(invalid(
-                "successive indexing needs indices \
+                "successive indexing requires indices \
                  (VUID-VkAccelerationStructureGeometryLinearSweptSpheresDataNV-indexingMode-10427)",
             ));
         }
@@ -168,8 +168,10 @@ impl<'a> BuildInput<'a> {
         let component = self.vertex_format.component_size();
         let stride = self.vertices.stride.unwrap_or(self.vertex_format.size());
         if !stride.is_multiple_of(component) || stride > u64::from(u32::MAX) {
-            let what =
-                format!("a vertex stride of {stride} is no multiple of {component} bytes ({})", vuids.stride);
+            let what = format!(
+                "the vertex stride {stride} is not a multiple of {component} bytes ({})",
+                vuids.stride
+            );
             return Err(invalid(what));
         }
         let offset = u64::from(self.range.primitive_offset);
@@ -178,7 +180,7 @@ impl<'a> BuildInput<'a> {
             if !offset.is_multiple_of(component) {
                 let vuid = "VUID-VkAccelerationStructureBuildRangeInfoKHR-primitiveOffset-03657";
                 return Err(invalid(format!(
-                    "a primitive offset of {offset} is no multiple of {component} bytes ({vuid})"
+                    "the primitive offset {offset} is not a multiple of {component} bytes ({vuid})"
                 )));
             }
             let begin = offset + stride * u64::from(self.range.first_vertex);
@@ -186,7 +188,7 @@ impl<'a> BuildInput<'a> {
             let primitives = count.or_else(|| layout.count(self.vertices.bytes).map(|count| count / each));
             let Some(primitives) = primitives else {
                 return Err(invalid(
-                    "with a stride of 0 and no indices, the number of primitives must be given",
+                    "with a stride of 0 and no indices, the number of primitives is required",
                 ));
             };
             check_count(primitives)?;
@@ -194,7 +196,7 @@ impl<'a> BuildInput<'a> {
         };
         if index_type == IndexType::Uint8 {
             return Err(invalid(format!(
-                "indices of 8 bits: a build takes uint16, uint32 or none ({})",
+                "8-bit indices are not allowed: a build requires uint16, uint32 or none ({})",
                 vuids.index_type
             )));
         }
@@ -202,13 +204,13 @@ impl<'a> BuildInput<'a> {
         if !offset.is_multiple_of(size) {
             let vuid = "VUID-VkAccelerationStructureBuildRangeInfoKHR-primitiveOffset-03656";
             return Err(invalid(format!(
-                "a primitive offset of {offset} is no multiple of {size} bytes ({vuid})"
+                "the primitive offset {offset} is not a multiple of {size} bytes ({vuid})"
             )));
         }
         let layout = StridedLayout { begin: offset, stride: indices.stride.unwrap_or(size), size };
         let primitives = count.or_else(|| layout.count(indices.bytes).map(|count| count / each));
         let primitives = primitives
-            .ok_or_else(|| invalid("with an index stride of 0 the number of primitives must be given"))?;
+            .ok_or_else(|| invalid("with an index stride of 0, the number of primitives is required"))?;
         check_count(primitives)?;
         Ok(Entries { indices: Some((layout, indices.bytes, index_type)), primitives, each })
     }
@@ -242,7 +244,9 @@ impl<'a> BuildInput<'a> {
             Some((radii, format)) => {
                 let stride = radii.stride.unwrap_or(format.size());
                 if stride > u64::from(u32::MAX) {
-                    return Err(invalid(format!("a radius stride of {stride} (VUIDs 10422, 10432)")));
+                    return Err(invalid(format!(
+                        "the radius stride {stride} exceeds 32 bits (VUIDs 10422, 10432)"
+                    )));
                 }
                 let layout = StridedLayout { begin: begin(stride), stride, size: format.size() };
                 layout.fetch(radii.bytes, &names, "radius", |bytes| format.read(bytes))?
@@ -268,7 +272,10 @@ impl Entries<'_> {
         let mut numbers = Vec::with_capacity(count as usize);
         for entry in 0..count {
             let bytes = layout.element(all, entry).map_err(|end| {
-                invalid(format!("index {entry} ends at byte {end} of {} bytes of indices", all.len()))
+                invalid(format!(
+                    "index {entry} ends at byte {end}, past the end of the {} bytes of indices",
+                    all.len()
+                ))
             })?;
             let index = match index_type {
                 IndexType::Uint32 => u32::from_le_bytes(word(bytes, 0)),
@@ -288,7 +295,10 @@ pub fn aabbs(boxes: Strided<'_>, range: BuildRange) -> Result<GeometryData> {
     let (layout, count) = boxes_of(boxes, range)?;
     let read = |at: u64| {
         let bytes = layout.element(boxes.bytes, at).map_err(|end| {
-            invalid(format!("box {at} ends at byte {end} of a buffer of {}", boxes.bytes.len()))
+            invalid(format!(
+                "box {at} ends at byte {end}, past the end of its buffer of {} bytes",
+                boxes.bytes.len()
+            ))
         })?;
         Ok(array::from_fn(|corner| f32::from_le_bytes(word(bytes, 4 * corner))))
     };
@@ -318,12 +328,12 @@ fn boxes_of(boxes: Strided<'_>, range: BuildRange) -> Result<(StridedLayout, u64
         ),
     ] {
         if !number.is_multiple_of(8) {
-            return Err(invalid(format!("a {what} of {number} is no multiple of 8 bytes ({vuid})")));
+            return Err(invalid(format!("the {what} {number} is not a multiple of 8 bytes ({vuid})")));
         }
     }
     let layout = StridedLayout { begin: range.primitive_offset.into(), stride, size: SIZE };
     let count = range.primitive_count.map(u64::from).or_else(|| layout.count(boxes.bytes));
-    let count = count.ok_or_else(|| invalid("with a stride of 0 the number of primitives must be given"))?;
+    let count = count.ok_or_else(|| invalid("with a stride of 0, the number of primitives is required"))?;
     check_count(count)?;
     Ok((layout, count))
 }
@@ -342,7 +352,9 @@ struct Fetched {
 /// compares a [`DecodedSize`] with limits first.
 fn check_count(primitives: u64) -> Result<()> {
     if primitives > (1 << 29) - 1 {
-        return Err(invalid(format!("{primitives} primitives: 2^29 - 1 is the most (maxPrimitiveCount)")));
+        return Err(invalid(format!(
+            "{primitives} primitives exceed the limit 2^29 - 1 (maxPrimitiveCount)"
+        )));
     }
     Ok(())
 }
@@ -436,7 +448,7 @@ mod tests {
         };
         assert_eq!(data.primitive(0), wanted);
         let still = BuildInput { vertices: Strided { bytes: &positions, stride: Some(0) }, ..input };
-        assert!(message(still.spheres(radii, RadiusFormat::R32Sfloat)).contains("must be given"));
+        assert!(message(still.spheres(radii, RadiusFormat::R32Sfloat)).contains("is required"));
         let range = BuildRange { primitive_count: Some(3), ..TRIANGLE };
         let still = BuildInput { range, ..still };
         assert_eq!(still.spheres(radii, RadiusFormat::R32Sfloat).unwrap().primitive_count(), 3);
@@ -502,7 +514,7 @@ mod tests {
             indices: Some((packed(&indices), IndexType::Uint16)),
             range: TRIANGLE,
         };
-        assert!(message(input.triangles(None)).contains("vertex 3 ends at byte 48 of a buffer of 36"));
+        assert!(message(input.triangles(None)).contains("vertex 3 ends at byte 48, past the end of its buffer of 36 bytes"));
         let odd = BuildInput { vertices: Strided { bytes: &positions, stride: Some(6) }, ..input };
         assert!(message(odd.triangles(None)).contains("vertexStride-03735"));
         let radii = packed(&positions);
@@ -523,14 +535,14 @@ mod tests {
         assert!(message(shifted.triangles(None)).contains("primitiveOffset-03657"));
         let many = BuildRange { primitive_count: Some(2), ..TRIANGLE };
         let many = BuildInput { range: many, ..input };
-        assert!(message(many.triangles(None)).contains("index 3 ends at byte 8 of 6 bytes"));
+        assert!(message(many.triangles(None)).contains("index 3 ends at byte 8, past the end of the 6 bytes"));
         assert!(
             message(aabbs(Strided { bytes: &positions, stride: Some(25) }, TRIANGLE))
                 .contains("stride-03545")
         );
         assert!(message(aabbs(packed(&positions), moved(4))).contains("primitiveOffset-03659"));
         let far = BuildRange { primitive_count: Some(2), ..TRIANGLE };
-        assert!(message(aabbs(packed(&positions), far)).contains("box 1 ends at byte 48 of a buffer of 36"));
+        assert!(message(aabbs(packed(&positions), far)).contains("box 1 ends at byte 48, past the end of its buffer of 36 bytes"));
         assert_eq!(aabbs(packed(&positions), moved(8)).unwrap().primitive_count(), 1);
     }
 }

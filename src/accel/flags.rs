@@ -80,7 +80,10 @@ impl RayFlags {
         let first = unknown.trailing_zeros();
         match unknown {
             0 => Ok(()),
-            _ => Err(format!("the ray flags {:#x} hold bit {first}, and ray flags are bits 0 to 10", self.0)),
+            _ => Err(format!(
+                "the ray flags {:#x} contain bit {first}, but ray flags are bits 0 to 10",
+                self.0
+            )),
         }
     }
 

@@ -139,12 +139,13 @@ impl OpacityMicromap {
             let level = triangle.subdivision_level;
             if level > MAX_SUBDIVISION_LEVEL {
                 return Some(format!(
-                    "micromap triangle {at} is subdivided {level} times: {MAX_SUBDIVISION_LEVEL} is the most"
+                    "the subdivision level {level} of micromap triangle {at} exceeds \
+                     {MAX_SUBDIVISION_LEVEL}"
                 ));
             }
             if triangle.states.len() < triangle.byte_len() {
                 return Some(format!(
-                    "micromap triangle {at} has {} bytes of states: its {} microtriangles take {}",
+                    "micromap triangle {at} has {} bytes of states, but its {} microtriangles need {}",
                     triangle.states.len(),
                     triangle.len(),
                     triangle.byte_len()
@@ -152,15 +153,16 @@ impl OpacityMicromap {
             }
         }
         let Some(indices) = &self.indices else {
-            return (self.triangles.len() < primitives)
-                .then(|| format!("{} micromap triangles for {primitives} primitives", self.triangles.len()));
+            return (self.triangles.len() < primitives).then(|| {
+                format!("found {} micromap triangles for {primitives} primitives", self.triangles.len())
+            });
         };
         if indices.len() < primitives {
-            return Some(format!("{} micromap indices for {primitives} primitives", indices.len()));
+            return Some(format!("found {} micromap indices for {primitives} primitives", indices.len()));
         }
         let outside = |index: &MicromapIndex| matches!(index, MicromapIndex::Triangle(at) if *at as usize >= self.triangles.len());
         let at = indices.iter().position(outside)?;
-        Some(format!("micromap index {at} names {:?} of {}", indices[at], self.triangles.len()))
+        Some(format!("micromap index {at} refers to {:?} of {}", indices[at], self.triangles.len()))
     }
 }
 
@@ -293,7 +295,7 @@ mod tests {
         assert_eq!(map(&triangle, None).mistake(1), None);
         assert!(map(&triangle, None).mistake(2).is_some_and(|text| text.contains("for 2 primitives")));
         let short = MicromapTriangle { states: vec![0; 3], ..triangle.clone() };
-        assert!(map(&short, None).mistake(1).is_some_and(|text| text.contains("16 microtriangles take 4")));
+        assert!(map(&short, None).mistake(1).is_some_and(|text| text.contains("16 microtriangles need 4")));
         let deep = MicromapTriangle { subdivision_level: 13, ..triangle.clone() };
         assert!(map(&deep, None).mistake(1).is_some_and(|text| text.contains("13 times")));
         let indices = vec![MicromapIndex::Special(Opacity::Opaque), MicromapIndex::Triangle(1)];

@@ -50,7 +50,10 @@ impl StridedLayout {
         let mut all = Vec::with_capacity(numbers.len());
         for &at in numbers {
             let element = self.element(bytes, at).map_err(|end| {
-                let message = format!("{what} {at} ends at byte {end} of a buffer of {}", bytes.len());
+                let message = format!(
+                    "{what} {at} ends at byte {end}, past the end of its buffer of {} bytes",
+                    bytes.len()
+                );
                 Error::new(ErrorKind::InvalidScene, message)
             })?;
             all.push(read(element));

@@ -102,18 +102,19 @@ impl RayRule {
             Self::NotNegative => "t_min or t_max is negative",
             Self::InOrder => "t_min is above t_max",
             Self::OpacityFlags => {
-                "the ray flags hold more than one of OpaqueKHR, NoOpaqueKHR, CullOpaqueKHR and CullNoOpaqueKHR"
+                "the ray flags contain more than one of OpaqueKHR, NoOpaqueKHR, CullOpaqueKHR and \
+                 CullNoOpaqueKHR"
             }
             Self::TriangleFlags => {
-                "the ray flags hold more than one of SkipTrianglesKHR, CullBackFacingTrianglesKHR and \
+                "the ray flags contain more than one of SkipTrianglesKHR, CullBackFacingTrianglesKHR and \
                  CullFrontFacingTrianglesKHR"
             }
-            Self::SkipFlags => "the ray flags hold both SkipTrianglesKHR and SkipAABBsKHR",
+            Self::SkipFlags => "the ray flags contain both SkipTrianglesKHR and SkipAABBsKHR",
             Self::SkipTrianglesWithPipelineSkipAabbs => {
-                "the ray flags hold SkipTrianglesKHR, and the pipeline skips AABBs"
+                "the ray flags contain SkipTrianglesKHR, and the pipeline skips AABBs"
             }
             Self::SkipAabbsWithPipelineSkipTriangles => {
-                "the ray flags hold SkipAABBsKHR, and the pipeline skips triangles"
+                "the ray flags contain SkipAABBsKHR, and the pipeline skips triangles"
             }
             Self::Time => "the time is not between 0 and 1",
         }

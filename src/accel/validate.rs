@@ -16,8 +16,10 @@ pub(super) const MAX_GEOMETRIES: usize = (1 << 24) - 1;
 pub(super) fn geometries(geometries: &[Geometry]) -> Vec<Error> {
     let mut mistakes = Vec::new();
     if geometries.len() > MAX_GEOMETRIES {
-        let text =
-            format!("a BLAS of {} geometries: 2^24 - 1 is the most (maxGeometryCount)", geometries.len());
+        let text = format!(
+            "a BLAS of {} geometries exceeds the limit 2^24 - 1 (maxGeometryCount)",
+            geometries.len()
+        );
         mistakes.push(Error::new(ErrorKind::InvalidScene, text));
     }
     for (index, geometry) in geometries.iter().enumerate() {
@@ -27,7 +29,7 @@ pub(super) fn geometries(geometries: &[Geometry]) -> Vec<Error> {
         let (first, kind) = (geometries[0].data.kind(), geometry.data.kind());
         if kind != first {
             found(format!(
-                "{kind} in a BLAS of {first}: all geometries of a BLAS are of one type \
+                "{kind} in a BLAS of {first}: all geometries of a BLAS must have the same type \
                  (VUID-VkAccelerationStructureBuildGeometryInfoKHR-type-03792)"
             ));
         }
@@ -56,12 +58,12 @@ pub(super) fn geometries(geometries: &[Geometry]) -> Vec<Error> {
                 };
                 match (indexing, indices) {
                     (Indexing::Successive, None) => found(
-                        "successive indexing needs indices \
+                        "successive indexing requires indices \
                          (VUID-VkAccelerationStructureGeometryLinearSweptSpheresDataNV-indexingMode-10427)"
                             .to_owned(),
                     ),
                     (Indexing::List, Some(indices)) if !indices.len().is_multiple_of(2) => {
-                        found(format!("{} indices do not make pairs", indices.len()));
+                        found(format!("the number of indices ({}) is not even", indices.len()));
                     }
                     _ => {}
                 }
@@ -73,17 +75,17 @@ pub(super) fn geometries(geometries: &[Geometry]) -> Vec<Error> {
             match &geometry.data {
                 GeometryData::Triangles { vertices, .. } if later.len() == vertices.len() => {}
                 GeometryData::Triangles { vertices, .. } => {
-                    found(format!("{} vertices at time 1 for {} at time 0", later.len(), vertices.len()));
+                    found(format!("{} vertices at time 1, but {} at time 0", later.len(), vertices.len()));
                 }
                 _ => found(format!(
-                    "vertices at time 1 of {kind}: only triangles move \
+                    "vertices at time 1 of {kind}: only triangles can move \
                      (VkAccelerationStructureGeometryMotionTrianglesDataNV)"
                 )),
             }
         }
         if let Some(micromap) = &geometry.opacity_micromap {
             if kind != GeometryKind::Triangles {
-                found(format!("an opacity micromap on {kind}: only triangles have one"));
+                found(format!("an opacity micromap on {kind}: only triangles can have one"));
             } else if let Some(mistake) = micromap.mistake(primitives) {
                 found(mistake);
             }
@@ -106,8 +108,9 @@ fn too_many(counts: impl Iterator<Item = usize>) -> Option<String> {
     let total = counts.fold(0, usize::saturating_add);
     (total > MAX_PRIMITIVES).then(|| {
         format!(
-            "a BLAS of {total} primitives: 2^29 - 1 in all geometries is the most (maxPrimitiveCount, \
-             VUID-VkAccelerationStructureBuildGeometryInfoKHR-type-03794 for boxes, 03795 for triangles)"
+            "a BLAS of {total} primitives exceeds the limit 2^29 - 1 for all geometries \
+             (maxPrimitiveCount, VUID-VkAccelerationStructureBuildGeometryInfoKHR-type-03794 for boxes, \
+             03795 for triangles)"
         )
     })
 }
@@ -115,9 +118,11 @@ fn too_many(counts: impl Iterator<Item = usize>) -> Option<String> {
 fn check_triples(vertices: usize, indices: Option<&[u32]>, found: &mut impl FnMut(String)) {
     match indices {
         Some(indices) if !indices.len().is_multiple_of(3) => {
-            found(format!("{} indices do not make triangles", indices.len()));
+            found(format!("the number of indices ({}) is not a multiple of 3", indices.len()));
         }
-        None if !vertices.is_multiple_of(3) => found(format!("{vertices} vertices do not make triangles")),
+        None if !vertices.is_multiple_of(3) => {
+            found(format!("the number of vertices ({vertices}) is not a multiple of 3"))
+        }
         _ => {}
     }
 }
@@ -139,7 +144,7 @@ fn check_indices(
 
 fn check_radii_count(positions: usize, radii: usize, found: &mut impl FnMut(String)) {
     if positions != radii {
-        found(format!("{positions} positions with {radii} radii: one radius a position"));
+        found(format!("{positions} positions with {radii} radii: each position needs one radius"));
     }
 }
 

@@ -12,7 +12,7 @@ pub(super) fn instances(instances: &[TlasInstance]) -> Vec<Error> {
     let mut mistakes = Vec::new();
     if instances.len() > MAX_GEOMETRIES {
         let text =
-            format!("a TLAS of {} instances: 2^24 - 1 is the most (maxInstanceCount)", instances.len());
+            format!("a TLAS of {} instances exceeds the limit 2^24 - 1 (maxInstanceCount)", instances.len());
         mistakes.push(Error::new(ErrorKind::InvalidScene, text));
     }
     for (index, instance) in instances.iter().enumerate() {

@@ -150,14 +150,14 @@ impl DeviceMemory {
     pub fn check_address(address: u64) -> Result<(), String> {
         if Self::is_null(address) {
             return Err(format!(
-                "the address {address:#x} is too near to the null pointer: take {NULL_GUARD:#x} or more"
+                "the address {address:#x} is too close to the null pointer: use {NULL_GUARD:#x} or above"
             ));
         }
         if !address.is_multiple_of(ALIGNMENT) {
-            return Err(format!("the address {address:#x} is no multiple of {ALIGNMENT}"));
+            return Err(format!("the address {address:#x} is not a multiple of {ALIGNMENT}"));
         }
         if address >> REGION_BITS == u64::from(STRUCTURE_HANDLE) {
-            return Err(format!("the address {address:#x} is too large: take one below 0xffffffff00000000"));
+            return Err(format!("the address {address:#x} is too large: use one below 0xffffffff00000000"));
         }
         Ok(())
     }
@@ -305,7 +305,7 @@ impl DeviceMemory {
         let new = Allocation { base: address, size, name: name.map(Into::into), content };
         let last = address.checked_add(size.max(1) - 1);
         if last.is_none_or(|last| last >> REGION_BITS >= u64::from(STRUCTURE_HANDLE)) {
-            return Err(format!("{size} bytes at {address:#x} go beyond the last address"));
+            return Err(format!("{size} bytes at {address:#x} extend beyond the last address"));
         }
         let at = self.allocations.partition_point(|allocation| allocation.base <= address);
         let around = [at.checked_sub(1), Some(at)].into_iter().flatten();
@@ -422,10 +422,10 @@ mod tests {
         let mut memory = DeviceMemory::default();
         memory.add_buffer_at(0x2_0000_0000, &Buffer::zeroed(32), Some("a")).unwrap();
         for (address, why) in [
-            (0xfff0, "too near to the null pointer"),
-            (0x1_0000_0008, "no multiple of 16"),
+            (0xfff0, "too close to the null pointer"),
+            (0x1_0000_0008, "not a multiple of 16"),
             (u64::MAX - 15, "too large"),
-            (0xffff_fffe_ffff_fff0, "go beyond the last address"),
+            (0xffff_fffe_ffff_fff0, "extend beyond the last address"),
             (0x2_0000_0010, "overlap `a`, 32 bytes at 0x200000000"),
             (0x1_ffff_fff0, "overlap `a`"),
         ] {

@@ -117,21 +117,21 @@ impl ImageShape {
         let [_, height, depth] = self.extent;
         let dimension = self.dimension;
         let wrong = if self.extent.contains(&0) || self.layers == 0 || self.levels == 0 {
-            "an image without texels"
+            "the image has no texels"
         } else if dimension.axes() < 3 && depth != 1 || dimension.axes() < 2 && height != 1 {
-            "an extent with more axes than the dimension has"
+            "the extent has more axes than the dimension"
         } else if dimension.is_cube() && (!self.layers.is_multiple_of(6) || self.extent[0] != height) {
             "a cube needs six square layers (VUID-VkImageCreateInfo-flags-08865 and 08866)"
         } else if !dimension.is_arrayed() && self.layers != if dimension.is_cube() { 6 } else { 1 } {
-            "layers of an image that is no array"
+            "an image that is not an array has layers"
         } else if self.levels > self.max_levels() || dimension == Dimension::Buffer && self.levels > 1 {
-            "more levels than halving the extent gives (VUID-VkImageCreateInfo-mipLevels-00958)"
+            "more levels than the extent allows (VUID-VkImageCreateInfo-mipLevels-00958)"
         } else if !self.samples.is_power_of_two() || self.samples > 64 {
-            "samples are 1, 2, 4, 8, 16, 32 or 64"
+            "the number of samples must be 1, 2, 4, 8, 16, 32 or 64"
         } else if self.samples > 1
             && (self.levels > 1 || !matches!(dimension, Dimension::D2 | Dimension::D2Array))
         {
-            "several samples of other than a plane with one level (VUID-VkImageCreateInfo-samples-02257)"
+            "only 2D images with one level can have several samples (VUID-VkImageCreateInfo-samples-02257)"
         } else {
             return Ok(());
         };
@@ -233,7 +233,7 @@ impl Image {
         shape.check()?;
         let size = shape.texels().saturating_mul(u64::from(format.texel_size()));
         if bytes.len() as u64 != size {
-            let message = format!("{} bytes for an image of {size}", bytes.len());
+            let message = format!("found {} bytes for an image of {size}", bytes.len());
             return Err(Error::new(ErrorKind::InvalidImage, message));
         }
         let words = bytes.chunks(8).map(|chunk| {
@@ -266,7 +266,7 @@ impl Image {
         texel: &[u8],
     ) -> Result<Arc<Self>> {
         if rows.start > rows.end || rows.end > height {
-            let message = format!("rows {} to {} of an image with {height}", rows.start, rows.end);
+            let message = format!("rows {} to {} are outside an image with {height}", rows.start, rows.end);
             return Err(Error::new(ErrorKind::InvalidImage, message));
         }
         let [first, end] = array::map([rows.start, rows.end], |row| row as usize * width as usize);
@@ -283,7 +283,7 @@ impl Image {
         shape.check()?;
         let each = format.texel_size() as usize;
         if texel.len() != each {
-            let message = format!("{} bytes for a texel of {each}", texel.len());
+            let message = format!("found {} bytes for a texel of {each}", texel.len());
             return Err(Error::new(ErrorKind::InvalidImage, message));
         }
         // Two words hold a whole number of texels of every size.
@@ -302,7 +302,7 @@ impl Image {
         words: impl FnOnce() -> Option<ImageWords>,
     ) -> Result<Arc<Self>> {
         let words = words().ok_or_else(|| {
-            let message = format!("no memory for an image of {} texels", shape.texels());
+            let message = format!("not enough memory for an image of {} texels", shape.texels());
             Error::new(ErrorKind::InvalidImage, message)
         })?;
         let mut levels = SmallVec::new();

@@ -100,10 +100,15 @@ impl Printed {
         let each =
             lines.kept.into_iter().flat_map(|(at, texts)| texts.into_iter().map(move |text| line(at, text)));
         let cut = lines.cut_at.map(|at| {
-            let many = if lines.cut == 1 { "1 more text was".to_owned() } else { format!("{} more texts were", lines.cut) };
+            let many = if lines.cut == 1 {
+                "1 more text was".to_owned()
+            } else {
+                format!("{} more texts were", lines.cut)
+            };
             let text = format!(
-                "[{many} cut: the limit is printed_bytes = {}, {OF_A_LINE} for each text among them; raise it \
-                 in the scene's [pipeline], with --printed-bytes, or by Resources::printed_bytes]",
+                "[{many} cut: the limit is printed_bytes = {}, {OF_A_LINE} for each text among them; \
+                 raise it in the scene's [pipeline], with --printed-bytes, or with \
+                 Resources::printed_bytes]",
                 lines.limit.0
             );
             line(at, text)

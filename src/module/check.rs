@@ -204,7 +204,7 @@ impl Checker<'_> {
             if is(Op::Phi) && phis_over {
                 return Err(invalid(
                     instruction.offset as usize,
-                    format!("OpPhi stands behind another instruction of block %{}", block.label.0),
+                    format!("OpPhi follows another instruction of block %{}", block.label.0),
                 ));
             }
             phis_over |= !is(Op::Phi);
@@ -212,7 +212,7 @@ impl Checker<'_> {
                 return Err(invalid(
                     instruction.offset as usize,
                     format!(
-                        "{} must stand right before the terminator of block %{}",
+                        "{} must immediately precede the terminator of block %{}",
                         opcode_name(instruction.opcode),
                         block.label.0
                     ),

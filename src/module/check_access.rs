@@ -160,7 +160,7 @@ impl AccessChecker<'_> {
                 return Err(invalid(
                     at,
                     format!(
-                        "{}: an index into {}, which has no parts",
+                        "{}: cannot index into {}",
                         opcode_name(self.instruction.opcode),
                         self.module.describe_type(ty)
                     ),
@@ -199,7 +199,7 @@ impl AccessChecker<'_> {
             (Some(expected), Some(found)) if expected != found => Err(invalid(
                 at,
                 format!(
-                    "{}: the type {} is expected, found {}",
+                    "{}: expected the type {}, found {}",
                     opcode_name(self.instruction.opcode),
                     self.module.describe_type(expected),
                     self.module.describe_type(found)

@@ -191,8 +191,8 @@ fn check_saturation(
         _ => Err(invalid(
             at,
             format!(
-                "SaturatedToLargestFloat8NormalConversionEXT is for OpFConvert, OpConvertSToF and OpConvertUToF \
-                 to an 8-bit float, not for {} (SPV_EXT_float8, Decoration)",
+                "SaturatedToLargestFloat8NormalConversionEXT applies to OpFConvert, OpConvertSToF and \
+                 OpConvertUToF to an 8-bit float, not to {} (SPV_EXT_float8, Decoration)",
                 opcode_name(op as u16)
             ),
         )),

@@ -151,10 +151,10 @@ impl Module {
             .collect();
         sort(&mut known);
         if known.is_empty() {
-            return "it has none at all".to_owned();
+            return "it has no specialization constants".to_owned();
         }
         let known: Vec<String> = known.into_iter().map(|(_, text)| text).collect();
-        format!("it has {}", known.join(", "))
+        format!("its specialization constants: {}", known.join(", "))
     }
 }
 
@@ -197,7 +197,7 @@ mod tests {
     #[test]
     fn a_module_without_specialization_constants_says_so() {
         let error = Assembler::new().loaded().specialize_bits(0, 0).unwrap_err();
-        assert_eq!(error.notes(), ["it has none at all"]);
+        assert_eq!(error.notes(), ["it has no specialization constants"]);
     }
 
     #[test]

@@ -20,7 +20,7 @@ impl CopyBudget {
             }
             None => Err(Error::new(
                 ErrorKind::UnsupportedModule,
-                "the module's few words ask for more copies of decorations or modes than are made here",
+                "the module copies more decorations or modes than anyhit supports for its size",
             )
             .at(Place::Word(at))),
         }

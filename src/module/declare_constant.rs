@@ -38,7 +38,7 @@ impl Loader<'_> {
         let first = span.start + 1;
         let ty = self.type_at(span, first)?;
         if matches!(self.module.ty(ty), Type::Void | Type::Function { .. }) {
-            return Err(self.expected(span, first, "a type that values can have"));
+            return Err(self.expected(span, first, "a type of values"));
         }
         let value = self.constant_value(span, known.op, ty)?;
         let index = self.module.constants.len() as u32;

@@ -46,7 +46,7 @@ impl Loader<'_> {
             if let Some(first) = self.unique_types.insert(key, span.start) {
                 return Err(invalid(
                     span.start,
-                    format!("{} declares a type that exists already", opcode_name(span.opcode)),
+                    format!("{} repeats the declaration of a type", opcode_name(span.opcode)),
                 )
                 .at_with(Place::Word(first), "the first declaration"));
             }
@@ -262,7 +262,7 @@ impl Loader<'_> {
             Some(Ok(count)) if !specializable => Ok(Type::Vector { component, count }),
             _ => Err(Error::new(
                 ErrorKind::UnsupportedModule,
-                "OpTypeVectorIdEXT: only a plain constant is read as the count of components",
+                "OpTypeVectorIdEXT: only a plain constant is supported as the count of components",
             )
             .at(Place::Word(span.start))),
         }
@@ -272,7 +272,7 @@ impl Loader<'_> {
     fn data_type(&mut self, span: Span, at: usize) -> Result<TypeId> {
         let ty = self.type_at(span, at)?;
         match self.module.ty(ty) {
-            Type::Void | Type::Function { .. } => Err(self.expected(span, at, "a type that values can have")),
+            Type::Void | Type::Function { .. } => Err(self.expected(span, at, "a type of values")),
             _ => Ok(ty),
         }
     }
@@ -312,7 +312,7 @@ fn wrong_count(span: Span, at: usize, expected: &str, found: u32) -> Error {
 pub(super) fn unsupported_continuation(span: Span) -> Error {
     Error::new(
         ErrorKind::UnsupportedModule,
-        format!("{} is not read: split the aggregate into smaller ones", opcode_name(span.opcode)),
+        format!("{} is not supported: split the aggregate into smaller ones", opcode_name(span.opcode)),
     )
     .at(Place::Word(span.start))
 }

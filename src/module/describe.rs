@@ -14,7 +14,7 @@ impl Module {
     #[doc(hidden)]
     pub fn describe_id(&self, id: Id) -> String {
         let what = match self.definition(id) {
-            None => return format!("%{}, which nothing defines", id.0),
+            None => return format!("%{}, which is not defined", id.0),
             Some(Definition::Type(ty)) => {
                 return format!("%{} (the type {})", id.0, self.describe_type(ty));
             }
@@ -288,7 +288,7 @@ mod tests {
         );
         assert_eq!(module.describe_id(Id(8)), "%8 (a constant)");
         assert_eq!(module.describe_id(Id(30)), "%30 (the type struct Payload)");
-        assert_eq!(module.describe_id(Id(99)), "%99, which nothing defines");
+        assert_eq!(module.describe_id(Id(99)), "%99, which is not defined");
     }
 
     #[test]

@@ -102,13 +102,13 @@ impl<'w> Loader<'w> {
             Op::Function => {
                 return Err(invalid(
                     span.start,
-                    "OpFunction stands before the OpFunctionEnd of the last one",
+                    "OpFunction precedes the OpFunctionEnd of the previous function",
                 ));
             }
             _ if known.module_scope_only => {
                 return Err(invalid(
                     span.start,
-                    format!("{} stands inside a function", opcode_name(span.opcode)),
+                    format!("{} is not allowed inside a function", opcode_name(span.opcode)),
                 ));
             }
             _ => {
@@ -126,7 +126,7 @@ impl<'w> Loader<'w> {
         walk(self.words, span, 1, &mut |_, _| Ok(()))?;
         let function = &self.module.functions[builder.index as usize];
         if builder.open_block.is_some() || !function.blocks.is_empty() {
-            return Err(invalid(span.start, "OpFunctionParameter stands behind the first OpLabel"));
+            return Err(invalid(span.start, "OpFunctionParameter follows the first OpLabel"));
         }
         let index = function.parameters.len();
         let Some(&wanted) = builder.parameter_types.get(index) else {
@@ -137,7 +137,7 @@ impl<'w> Loader<'w> {
         };
         let ty = self.type_at(span, span.start + 1)?;
         if ty != wanted {
-            let what = format!("{}, as the function's type says", self.module.describe_type(wanted));
+            let what = format!("{}, as in the function's type", self.module.describe_type(wanted));
             return Err(self.expected(span, span.start + 1, &what));
         }
         self.define(span.start + 2, Definition::Parameter(builder.index, index as u32))?;
@@ -227,7 +227,7 @@ impl<'w> Loader<'w> {
         if block != 0 {
             return Err(invalid(
                 span.start,
-                format!("{} stands behind the function's first block", opcode_name(span.opcode)),
+                format!("{} follows the function's first block", opcode_name(span.opcode)),
             ));
         }
         self.variable_type(span, ty, storage_class, known.op == Op::UntypedVariableKHR)?;

@@ -209,7 +209,7 @@ pub(crate) fn walk(
         return Err(invalid(
             cursor.at,
             format!(
-                "{} takes {} words here, but its word count is {}",
+                "{} has {} words here, but its word count is {}",
                 opcode_name(span.opcode),
                 cursor.at - span.start,
                 span.end - span.start
@@ -452,7 +452,7 @@ mod tests {
         );
         assert_eq!(
             kinds(&[128, 1, 2, 3, 4, 5], 1).unwrap_err(),
-            "OpIAdd takes 5 words here, but its word count is 6"
+            "OpIAdd has 5 words here, but its word count is 6"
         );
         assert_eq!(kinds(&[128], 1).unwrap_err(), "OpIAdd ends after 1 words where its result is expected");
         assert_eq!(

@@ -225,7 +225,10 @@ impl<'w> Loader<'w> {
             }
             Op::MemoryModel => {
                 if self.memory_model.is_some() {
-                    return Err(invalid(span.start, "OpMemoryModel stands twice; exactly one is expected"));
+                    return Err(invalid(
+                        span.start,
+                        "expected exactly one OpMemoryModel, found a second one",
+                    ));
                 }
                 self.memory_model = Some((words[first], words[first + 1]));
             }
@@ -260,7 +263,7 @@ impl<'w> Loader<'w> {
             _ => {
                 return Err(invalid(
                     span.start,
-                    format!("{} stands outside a function", opcode_name(span.opcode)),
+                    format!("{} is not allowed outside a function", opcode_name(span.opcode)),
                 ));
             }
         }
@@ -307,7 +310,9 @@ impl<'w> Loader<'w> {
             return Ok(());
         }
         if self.capabilities.len() > MAX_CAPABILITIES {
-            let message = format!("more than {MAX_CAPABILITIES} capabilities, where SPIR-V has fewer");
+            let message = format!(
+                "the module declares more than {MAX_CAPABILITIES} capabilities, more than SPIR-V has"
+            );
             return Err(Error::new(ErrorKind::UnsupportedModule, message).at(Place::Word(at)));
         }
         self.module.capabilities.push(number);
@@ -353,7 +358,10 @@ impl<'w> Loader<'w> {
         if storage_class == FUNCTION_STORAGE {
             return Err(invalid(
                 first + 2,
-                format!("{} of storage class Function stands outside a function", opcode_name(span.opcode)),
+                format!(
+                    "{} of storage class Function is not allowed outside a function",
+                    opcode_name(span.opcode)
+                ),
             ));
         }
         let initializer_at = first + if untyped { 4 } else { 3 };
@@ -425,7 +433,7 @@ impl<'w> Loader<'w> {
         if let Some((id, &at)) = self.forward.iter().min_by_key(|(_, at)| **at) {
             return Err(invalid(
                 at,
-                format!("OpTypeForwardPointer announces %{}, but no OpTypePointer defines it", id.0),
+                format!("OpTypeForwardPointer declares %{}, but no OpTypePointer defines it", id.0),
             ));
         }
         let Some(memory_model) = self.memory_model else {

@@ -38,17 +38,17 @@ fn functions_are_blocks_between_their_ends() {
     let mut a = typed();
     a.op(Op::Function, &[1, 20, 0, 2]);
     let at = a.op(Op::Function, &[1, 21, 0, 2]);
-    refused(&a, at, "OpFunction stands before the OpFunctionEnd of the last one");
+    refused(&a, at, "OpFunction precedes the OpFunctionEnd of the previous function");
 
     let mut a = typed();
     a.op(Op::Function, &[1, 20, 0, 2]);
     a.op(Op::Label, &[21]);
     let at = a.op(Op::TypeFloat, &[22, 64]);
-    refused(&a, at, "OpTypeFloat stands inside a function");
+    refused(&a, at, "OpTypeFloat is not allowed inside a function");
 
     let mut a = typed();
     let at = a.op(Op::FAdd, &[6, 20, 8, 8]);
-    refused(&a, at, "OpFAdd stands outside a function");
+    refused(&a, at, "OpFAdd is not allowed outside a function");
 }
 
 #[test]
@@ -72,7 +72,7 @@ fn functions_agree_with_their_types() {
     refused(
         &a,
         at + 1,
-        "OpFunctionParameter: expected float, as the function's type says, found %5 (the type uint)",
+        "OpFunctionParameter: expected float, as in the function's type, found %5 (the type uint)",
     );
 
     let mut a = typed();
@@ -163,7 +163,7 @@ fn merges_and_phis_stand_where_they_must() {
         a.op(Op::FAdd, &[6, 60, 9, 9]);
         at
     });
-    refused(&a, at, "OpSelectionMerge must stand right before the terminator of block %51");
+    refused(&a, at, "OpSelectionMerge must immediately precede the terminator of block %51");
 
     let phi = |operands: &[u32], before: bool| {
         let mut a = typed();
@@ -185,7 +185,7 @@ fn merges_and_phis_stand_where_they_must() {
     };
     assert!(phi(&[8, 51, 8, 52], false).0.load().is_ok());
     let (a, at) = phi(&[8, 51, 8, 52], true);
-    refused(&a, at, "OpPhi stands behind another instruction of block %53");
+    refused(&a, at, "OpPhi follows another instruction of block %53");
     let (a, at) = phi(&[8, 51], false);
     refused(&a, at, "OpPhi has 1 parents, but 2 blocks branch to its block");
     let (a, at) = phi(&[8, 51, 8, 51], false);
@@ -204,25 +204,25 @@ fn accesses_stay_within_their_types() {
     refused(&a, at + 4, "OpCompositeExtract: index 3 is out of range: vec3 has 3 parts");
 
     let (a, at) = body(|a| a.op(Op::CompositeExtract, &[6, 60, 12, 1, 0]));
-    refused(&a, at + 5, "OpCompositeExtract: an index into float, which has no parts");
+    refused(&a, at + 5, "OpCompositeExtract: cannot index into float");
 
     let (a, at) = body(|a| a.op(Op::CompositeExtract, &[5, 60, 12, 1]));
-    refused(&a, at + 1, "OpCompositeExtract: the type float is expected, found uint");
+    refused(&a, at + 1, "OpCompositeExtract: expected the type float, found uint");
 
     let (a, at) = body(|a| a.op(Op::CompositeInsert, &[7, 60, 8, 12, 1]));
-    refused(&a, at + 3, "OpCompositeInsert: the type float is expected, found uint");
+    refused(&a, at + 3, "OpCompositeInsert: expected the type float, found uint");
 
     let (a, at) = body(|a| {
         a.op(Op::Variable, &[11, 60, 7]);
         a.op(Op::Load, &[6, 61, 60])
     });
-    refused(&a, at + 1, "OpLoad: the type vec3 is expected, found float");
+    refused(&a, at + 1, "OpLoad: expected the type vec3, found float");
 
     let (a, at) = body(|a| {
         a.op(Op::Variable, &[11, 60, 7]);
         a.op(Op::Store, &[60, 9])
     });
-    refused(&a, at + 2, "OpStore: the type vec3 is expected, found float");
+    refused(&a, at + 2, "OpStore: expected the type vec3, found float");
 
     let (a, at) = body(|a| a.op(Op::Load, &[6, 61, 12]));
     refused(&a, at + 3, "OpLoad: expected a pointer, found %12 (a constant)");
@@ -253,7 +253,7 @@ fn local_variables_stand_in_the_first_block() {
         a.op(Op::Label, &[60]);
         a.op(Op::Variable, &[11, 61, 7])
     });
-    refused(&a, at, "OpVariable stands behind the function's first block");
+    refused(&a, at, "OpVariable follows the function's first block");
 }
 
 #[test]

@@ -77,7 +77,7 @@ fn a_module_has_one_memory_model() {
 
     let mut a = Assembler::new();
     let at = a.op(Op::MemoryModel, &[0, 1]);
-    refused(&a, at, "OpMemoryModel stands twice; exactly one is expected");
+    refused(&a, at, "expected exactly one OpMemoryModel, found a second one");
 }
 
 #[test]
@@ -93,7 +93,7 @@ fn operands_of_types_are_types_defined_before() {
     let mut a = typed();
     let at = a.op(Op::TypeVector, &[20, 21, 3]);
     a.op(Op::TypeFloat, &[21, 64]);
-    refused(&a, at + 2, "OpTypeVector: expected an id defined before, found %21, which nothing defines");
+    refused(&a, at + 2, "OpTypeVector: expected an id defined before, found %21, which is not defined");
 
     let mut a = typed();
     let at = a.op(Op::TypeVector, &[20, 7, 3]);
@@ -113,14 +113,14 @@ fn operands_of_types_are_types_defined_before() {
 
     let mut a = typed();
     let at = a.op(Op::TypeStruct, &[20, 6, 1]);
-    refused(&a, at + 3, "OpTypeStruct: expected a type that values can have, found %1 (the type void)");
+    refused(&a, at + 3, "OpTypeStruct: expected a type of values, found %1 (the type void)");
 }
 
 #[test]
 fn a_type_cannot_hold_itself() {
     let mut a = typed();
     let at = a.op(Op::TypeStruct, &[20, 6, 20]);
-    refused(&a, at + 3, "OpTypeStruct: expected an id defined before, found %20, which nothing defines");
+    refused(&a, at + 3, "OpTypeStruct: expected an id defined before, found %20, which is not defined");
 }
 
 #[test]
@@ -132,7 +132,7 @@ fn scalar_types_are_declared_once_and_aggregates_any_number_of_times() {
     a.op(Op::TypePointer, &[23, 12, 6]);
     assert!(a.load().is_ok());
     let at = a.op(Op::TypeFloat, &[24, 32]);
-    refused(&a, at, "OpTypeFloat declares a type that exists already");
+    refused(&a, at, "OpTypeFloat repeats the declaration of a type");
 }
 
 #[test]
@@ -218,7 +218,7 @@ fn forward_pointers_are_defined_later_with_the_same_storage_class() {
     let mut a = typed();
     let at = a.op(Op::TypeForwardPointer, &[20, 5349]);
     a.op(Op::TypeStruct, &[21, 20]);
-    refused(&a, at + 1, "OpTypeForwardPointer announces %20, but no OpTypePointer defines it");
+    refused(&a, at + 1, "OpTypeForwardPointer declares %20, but no OpTypePointer defines it");
     let pointer = a.op(Op::TypePointer, &[20, 12, 21]);
     refused(&a, pointer + 2, "OpTypePointer: the storage class of %20 differs from its OpTypeForwardPointer");
     a.words[pointer + 2] = 5349;
@@ -242,11 +242,11 @@ fn constants_fit_their_types() {
 
     let mut a = typed();
     let at = a.op(Op::Constant, &[6, 20, 0, 0]);
-    refused(&a, at + 4, "OpConstant takes 4 words here, but its word count is 5");
+    refused(&a, at + 4, "OpConstant has 4 words here, but its word count is 5");
 
     let mut a = typed();
     let at = a.op(Op::ConstantNull, &[1, 20]);
-    refused(&a, at + 1, "OpConstantNull: expected a type that values can have, found %1 (the type void)");
+    refused(&a, at + 1, "OpConstantNull: expected a type of values, found %1 (the type void)");
 
     let mut a = typed();
     let at = a.op(Op::ConstantNull, &[8, 20]);
@@ -296,7 +296,7 @@ fn variables_have_pointer_types_of_their_storage_class() {
     let mut a = typed();
     a.op(Op::TypePointer, &[20, 7, 6]);
     let at = a.op(Op::Variable, &[20, 21, 7]);
-    refused(&a, at + 3, "OpVariable of storage class Function stands outside a function");
+    refused(&a, at + 3, "OpVariable of storage class Function is not allowed outside a function");
 
     let mut a = typed();
     a.op(Op::TypePointer, &[20, 6, 6]);

@@ -88,7 +88,7 @@ impl ScalarValue {
             (Type::Pointer { .. }, Self::Int(_) | Self::Uint(_)) => self.integer_bits(64, false),
             (Type::Float { .. }, Self::Float(_) | Self::Double(_)) => match ty.float_format() {
                 Some(format) => self.float_bits(format),
-                None => Err(format!("the {} has an encoding that is not known", type_name(ty))),
+                None => Err(format!("the {} has an unknown encoding", type_name(ty))),
             },
             (Type::Float { .. }, Self::Int(_) | Self::Uint(_)) => {
                 Err(format!("{} is an integer, not a float: write `{}.0`", self.text(), self.text()))
@@ -135,7 +135,7 @@ impl ScalarValue {
         let ty = format_name(format);
         judge_rounding(value, format.round(value), format).map_err(|misfit| match misfit {
             FloatMisfit::Overflows => format!("{} is out of the range of {ty}", self.text()),
-            FloatMisfit::Vanishes => format!("{} is not 0 and rounds to 0 as {ty}", self.text()),
+            FloatMisfit::Vanishes => format!("{} is too small for {ty}: it rounds to 0", self.text()),
             FloatMisfit::NoInfinity => format!("{ty} has no infinity"),
         })
     }
@@ -239,7 +239,7 @@ mod tests {
             (u64::MAX.into(), LONG, "18446744073709551615 is out of the range of int64_t"),
             (65520.0.into(), HALF, "65520.0 is out of the range of float16_t"),
             (1e300.into(), FLOAT, "1e300 is out of the range of float"),
-            (2f64.powi(-150).into(), FLOAT, "is not 0 and rounds to 0 as float"),
+            (2f64.powi(-150).into(), FLOAT, "is too small for float: it rounds to 0"),
             (f32::INFINITY.into(), E4M3, "floate4m3_t has no infinity"),
             (1.into(), FLOAT, "1 is an integer, not a float: write `1.0`"),
             (0.5.into(), UINT, "0.5 is a float, not uint"),

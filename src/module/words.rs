@@ -31,7 +31,7 @@ pub(crate) fn words_of(bytes: &[u8]) -> Result<Vec<u32>> {
     let Some(first) = bytes.first_chunk::<4>() else {
         return Err(invalid(
             0,
-            format!("a module begins with a header of 20 bytes, but there are only {}", bytes.len()),
+            format!("a module begins with a header of 20 bytes, but the file has only {}", bytes.len()),
         ));
     };
     let little = u32::from_le_bytes(*first) == MAGIC;
@@ -53,7 +53,7 @@ pub(crate) fn words_of(bytes: &[u8]) -> Result<Vec<u32>> {
         return Err(invalid(
             chunks.len(),
             format!(
-                "a module is made of words of 4 bytes, but {} bytes are left over at the end",
+                "a module consists of words of 4 bytes, but {} bytes are left over at the end",
                 rest.len()
             ),
         ));
@@ -73,7 +73,7 @@ pub(crate) fn header(words: &[u32]) -> Result<Header> {
         return Err(invalid(
             words.len(),
             format!(
-                "a module begins with a header of {HEADER_WORDS} words, but there are only {}",
+                "a module begins with a header of {HEADER_WORDS} words, but the file has only {}",
                 words.len()
             ),
         ));
@@ -85,7 +85,7 @@ pub(crate) fn header(words: &[u32]) -> Result<Header> {
     if major != 1 || minor > 6 {
         return Err(Error::new(
             ErrorKind::UnsupportedModule,
-            format!("SPIR-V {major}.{minor} is newer than 1.6, the newest version known here"),
+            format!("SPIR-V {major}.{minor} is newer than 1.6, the newest supported version"),
         )
         .at(Place::Word(1)));
     }
@@ -126,10 +126,7 @@ impl<'w> Walker<'w> {
         if count == 0 {
             return Err(invalid(
                 start,
-                format!(
-                    "{} has a word count of 0; at least 1 is expected",
-                    super::names::opcode_name(opcode)
-                ),
+                format!("{} has a word count of 0, expected at least 1", super::names::opcode_name(opcode)),
             ));
         }
         let left = self.words.len() - start;
@@ -137,7 +134,7 @@ impl<'w> Walker<'w> {
             return Err(invalid(
                 start,
                 format!(
-                    "{} claims {count} words, but the module ends after {left}",
+                    "{} has a word count of {count}, but the module ends after {left}",
                     super::names::opcode_name(opcode)
                 ),
             ));
@@ -219,7 +216,7 @@ mod tests {
         assert_eq!(walker.next().unwrap(), Some(Span { opcode: 17, start: 5, end: 7 }));
         let error = walker.next().unwrap_err();
         assert_eq!(first_place(&error), Some(Place::Word(7)));
-        assert_eq!(error.message(), "OpCapability claims 3 words, but the module ends after 1");
+        assert_eq!(error.message(), "OpCapability has a word count of 3, but the module ends after 1");
         words[7] = 17;
         let mut walker = Walker::new(&words, InputLimits::default());
         walker.next().unwrap();

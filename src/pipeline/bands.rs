@@ -74,14 +74,17 @@ pub enum NotStreamed {
 impl fmt::Display for NotStreamed {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Depth(depth) => write!(f, "the launch has a depth of {depth}, and goes over the image as often"),
+            Self::Depth(depth) => {
+                write!(f, "the launch has a depth of {depth} and writes the image that many times")
+            }
             Self::CrossesRows { stage, name } => write!(
                 f,
-                "{} `{name}` may reach texels of other rows than that of its own launch index",
+                "{} `{name}` may access texels in rows other than that of its own launch index",
                 stage.name()
             ),
             Self::Order => f.write_str(
-                "rows are filled from the last one up, and invocations depend on their order, which goes down",
+                "rows are filled from the last to the first, but invocations depend on their order, \
+                 first to last",
             ),
         }
     }
@@ -122,7 +125,7 @@ impl Band<'_> {
     pub fn row_bytes(&self, row: u32) -> Result<Vec<u8>> {
         let rows = self.rows();
         if !rows.contains(&row) {
-            let message = format!("row {row} is not among {} to {}", rows.start, rows.end);
+            let message = format!("row {row} is not within {} to {}", rows.start, rows.end);
             return Err(Error::new(ErrorKind::InvalidArgument, message));
         }
         Ok(self.image.row_bytes(row))
@@ -303,7 +306,7 @@ impl BandedLaunch<'_> {
     pub(crate) fn cannot_stream(image: &StreamedImage, why: &NotStreamed) -> Error {
         let Binding { set, binding } = image.binding;
         let message =
-            format!("the image at set {set}, binding {binding} cannot be handed out in bands: {why}");
+            format!("the image at set {set}, binding {binding} cannot be processed in bands: {why}");
         Error::new(ErrorKind::InvalidArgument, message)
     }
 }

@@ -174,7 +174,7 @@ impl Compute {
     pub fn subgroup_size(self, size: u32) -> Result<Self> {
         check_subgroup_size(size)?;
         if self.layout.derivatives.is_some() && size < 4 {
-            let message = format!("a subgroup of {size} invocations holds no quad, as derivatives need it");
+            let message = format!("derivatives require quads, but a subgroup has only {size} invocations");
             return Err(Error::new(ErrorKind::InvalidArgument, message));
         }
         Ok(Self { subgroup_size: size, ..self })
@@ -462,7 +462,7 @@ impl Compute {
     ) -> Result<Stats> {
         self.check_size(groups)?;
         if self.program.uses_subgroups && self.subgroup_size > 1 {
-            let message = "watching invocations one by one, of a shader with subgroup instructions";
+            let message = "observing single invocations of a shader with subgroup instructions";
             return Err(Error::new(ErrorKind::UnsupportedModule, message)
                 .note("set the subgroup size to 1 to run each invocation by itself"));
         }
@@ -500,8 +500,10 @@ impl Compute {
             _ => {
                 let ([x, y, z], [a, b, c]) = (groups, self.layout.size);
                 let message = format!("a dispatch of {x} x {y} x {z} workgroups of {a} x {b} x {c}");
-                Err(Error::new(ErrorKind::InvalidArgument, message)
-                    .note("it has less than 2^32 invocations along each axis and less than 2^40 in all"))
+                Err(Error::new(ErrorKind::InvalidArgument, message).note(
+                    "the limits are 2^32 invocations along each axis and 2^40 in total, both \
+                        exclusive",
+                ))
             }
         }
     }

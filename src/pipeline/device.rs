@@ -267,7 +267,7 @@ impl DeviceProfile {
         let lacking = module.capabilities.iter().filter_map(|&capability| {
             let feature = self.features.lacking(capability)?;
             let message = format!(
-                "{} needs the feature `{feature}`, which the device `{}` does not have",
+                "{} requires the feature `{feature}`, which the device `{}` does not have",
                 capability_name(capability),
                 self.name
             );
@@ -296,7 +296,7 @@ impl DeviceProfile {
         let mut errors = Vec::new();
         let mut count = |what: String, count: usize, limit: u64, name: &str| {
             if count as u64 > limit {
-                errors.push(invalid(format!("{what}: {limit} is the most on `{}` ({name})", self.name)));
+                errors.push(invalid(format!("{what} exceed the limit {limit} of `{}` ({name})", self.name)));
             }
         };
         let instances = tlas.instances();
@@ -330,8 +330,8 @@ impl DeviceProfile {
             let first = instances.iter().position(|instance| instance.blas.kind() == Some(kind));
             if let Some(at) = first.filter(|_| !on) {
                 let message = format!(
-                    "instance {at} holds {kind}: they need the feature `{feature}`, \
-                     which the device `{}` does not have",
+                    "instance {at} contains {kind}: they require the feature `{feature}`, which the \
+                     device `{}` does not have",
                     self.name
                 );
                 errors.push(invalid(message).note(vuid));
@@ -341,8 +341,8 @@ impl DeviceProfile {
             && !self.features.ray_tracing_motion_blur
         {
             let message = format!(
-                "instance {at} moves: that needs the feature `rayTracingMotionBlur`, \
-                 which the device `{}` does not have",
+                "instance {at} moves: motion requires the feature `rayTracingMotionBlur`, which the \
+                 device `{}` does not have",
                 self.name
             );
             errors.push(invalid(message));
@@ -360,7 +360,7 @@ impl DeviceProfile {
             return Ok(());
         }
         let message = format!(
-            "a null descriptor needs the feature `nullDescriptor`, which the device `{}` does not have",
+            "a null descriptor requires the feature `nullDescriptor`, which the device `{}` does not have",
             self.name
         );
         Err(Error::new(ErrorKind::InvalidScene, message).note(rule))
@@ -372,8 +372,10 @@ impl DeviceProfile {
         if size <= limit {
             return Ok(());
         }
-        let message =
-            format!("`{shader}` has hit attributes of {size} bytes: {limit} is the most on `{}`", self.name);
+        let message = format!(
+            "`{shader}` has hit attributes of {size} bytes, more than the limit {limit} of `{}`",
+            self.name
+        );
         Err(Error::new(ErrorKind::InvalidModule, message).note("maxRayHitAttributeSize"))
     }
 
@@ -384,8 +386,8 @@ impl DeviceProfile {
         match group_operation {
             Some((op, _)) if !self.features.ray_tracing_subgroups => {
                 let message = format!(
-                    "a group operation in {}, a stage which `subgroupSupportedStages` of the device `{}` does \
-                     not have",
+                    "{} executes a group operation, but `subgroupSupportedStages` of the device `{}` \
+                     does not contain the stage",
                     program.stage.name(),
                     self.name
                 );
@@ -404,7 +406,7 @@ impl DeviceProfile {
             return Ok(());
         }
         let message =
-            format!("{table} record {at} takes {stride} bytes: {limit} is the most on `{}`", self.name);
+            format!("{table} record {at} has {stride} bytes, more than the limit {limit} of `{}`", self.name);
         Err(Error::new(ErrorKind::InvalidScene, message).note("maxShaderGroupStride"))
     }
 
@@ -413,18 +415,21 @@ impl DeviceProfile {
         let invalid = |message: String| Error::new(ErrorKind::InvalidScene, message);
         let limit = self.limits.max_ray_recursion_depth;
         if u64::from(recursion) > limit {
-            let message = format!("a recursion depth of {recursion}: {limit} is the most on `{}`", self.name);
+            let message =
+                format!("the recursion depth {recursion} exceeds the limit {limit} of `{}`", self.name);
             let rule = "VUID-VkRayTracingPipelineCreateInfoKHR-maxPipelineRayRecursionDepth-03589";
             return Err(invalid(message).note(rule));
         }
         if flags.skip_triangles && flags.skip_aabbs {
-            return Err(invalid("a pipeline skips triangles and boxes, and so everything".into())
-                .note("VUID-VkRayTracingPipelineCreateInfoKHR-flags-06546"));
+            return Err(invalid(
+                "the pipeline skips both triangles and AABBs, and thus all primitives".into(),
+            )
+            .note("VUID-VkRayTracingPipelineCreateInfoKHR-flags-06546"));
         }
         if (flags.skip_triangles || flags.skip_aabbs) && !self.features.ray_traversal_primitive_culling {
             let message = format!(
-                "the pipeline's flags need the feature `rayTraversalPrimitiveCulling`, \
-                 which the device `{}` does not have",
+                "the pipeline's flags require the feature `rayTraversalPrimitiveCulling`, which the \
+                 device `{}` does not have",
                 self.name
             );
             let number = if flags.skip_aabbs { "03596" } else { "03597" };
@@ -437,8 +442,8 @@ impl DeviceProfile {
 }
 
 fn unknown(what: &str, name: &str, names: &[&str]) -> Error {
-    Error::new(ErrorKind::InvalidArgument, format!("no {what} of devices is called `{name}`"))
-        .note(format!("the {what}s are {}", names.join(", ")))
+    Error::new(ErrorKind::InvalidArgument, format!("no {what} of devices is named `{name}`"))
+        .note(format!("available {what}s: {}", names.join(", ")))
 }
 
 #[cfg(test)]

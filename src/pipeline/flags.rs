@@ -80,7 +80,7 @@ impl PipelineFlags {
             let Group::Hit(HitGroup { any_hit, closest_hit, .. }) = group else { continue };
             for ((promised, what, flag, number), shader) in rules.into_iter().zip([any_hit, closest_hit]) {
                 if promised && shader.is_none() {
-                    let message = format!("hit group {at} has no {what} shader, and the pipeline has {flag}");
+                    let message = format!("hit group {at} has no {what} shader, but the pipeline has {flag}");
                     let rule = format!("VUID-VkRayTracingPipelineCreateInfoKHR-flags-{number}");
                     return Err(Error::new(ErrorKind::InvalidScene, message).note(rule));
                 }
@@ -97,7 +97,7 @@ impl PipelineFlags {
         let timed = trace_ops(program).find_map(|op| Some((op, timed(program, op)?)));
         match timed {
             Some((op, timed)) if !self.allow_motion => {
-                let message = format!("{} traces at a time, which the pipeline does not allow", timed.name);
+                let message = format!("{} specifies a time, which the pipeline does not allow", timed.name);
                 let error = Error::new(ErrorKind::InvalidScene, message).note(MOTION_MISSING);
                 let error = timed.rule.into_iter().fold(error, Error::note);
                 Err(program.place(op).into_iter().fold(error, Error::at))
@@ -117,7 +117,7 @@ impl PipelineFlags {
         let kinds = tlas.instances().iter().filter_map(|instance| instance.blas.kind());
         match kinds.enumerate().find(|(_, kind)| swept(*kind)) {
             Some((at, kind)) if !self.allow_spheres_and_linear_swept_spheres => {
-                let message = format!("instance {at} holds {kind}, which the pipeline does not allow");
+                let message = format!("instance {at} contains {kind}, which the pipeline does not allow");
                 let flag = "VK_PIPELINE_CREATE_2_RAY_TRACING_ALLOW_SPHERES_AND_LINEAR_SWEPT_SPHERES_BIT_NV is missing";
                 Err(Error::new(ErrorKind::InvalidScene, message).note(flag))
             }

@@ -188,7 +188,8 @@ impl Launch<'_> {
             Error::new(
                 ErrorKind::InvalidArgument,
                 format!(
-                    "a launch of {} x {} x {}: {limit} invocations are the most (maxRayDispatchInvocationCount)",
+                    "a launch of {} x {} x {} exceeds the limit of {limit} invocations \
+                     (maxRayDispatchInvocationCount)",
                     size[0], size[1], size[2]
                 ),
             )
@@ -341,7 +342,7 @@ impl Launch<'_> {
     pub(super) fn check_ray(&self, operands: &RayOperands) -> Result<()> {
         check_trace(&operands.trace, self.pipeline.flags).map_err(|rule| {
             let rule = ray_rules::describe_of_trace(rule);
-            Error::new(ErrorKind::InvalidArgument, format!("a ray that cannot be traced: {rule}"))
+            Error::new(ErrorKind::InvalidArgument, format!("invalid ray: {rule}"))
         })
     }
 

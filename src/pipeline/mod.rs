@@ -333,7 +333,7 @@ impl PipelineBuilder {
                 Error::new(ErrorKind::InvalidScene, message)
             })?;
             if member.replace(shader).is_some() {
-                let message = format!("a hit group with two shaders of the stage {}", stage.name());
+                let message = format!("a hit group has two shaders of the stage {}", stage.name());
                 return Err(Error::new(ErrorKind::InvalidArgument, message));
             }
         }
@@ -514,15 +514,14 @@ pub(crate) fn check_callable_depth(depth: u32) -> Result<()> {
     if (1..=GREATEST_CALLABLE_DEPTH).contains(&depth) {
         return Ok(());
     }
-    let message =
-        format!("max_callable_depth is {depth}: callable shaders nest 1 to {GREATEST_CALLABLE_DEPTH} deep");
+    let message = format!("max_callable_depth is {depth}, expected 1 to {GREATEST_CALLABLE_DEPTH}");
     Err(Error::new(ErrorKind::InvalidArgument, message))
 }
 
 /// Checks `SubgroupSize`.
 fn check_subgroup_size(size: u32) -> Result<()> {
     if !size.is_power_of_two() || size > 128 {
-        let message = format!("a subgroup of {size} invocations: it has 1, 2, 4, ... or 128");
+        let message = format!("a subgroup size must be 1, 2, 4, ... or 128, found {size}");
         return Err(Error::new(ErrorKind::InvalidArgument, message));
     }
     Ok(())

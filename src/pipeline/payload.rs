@@ -38,7 +38,7 @@ pub(super) fn accepts(program: &Program, scalars: Option<u64>) -> bool {
 pub(super) fn mismatch(caller: &Program, first: Reg, called: &Program) -> Option<String> {
     let (outgoing, incoming) = (outgoing_variable(caller, first)?, incoming_variable(called)?);
     Some(format!(
-        "{} `{}`{} takes {}, and is given {}",
+        "{} `{}`{} expects {}, but receives {}",
         called.stage.name(),
         called.name,
         source_file(&called.module),

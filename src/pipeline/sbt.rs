@@ -77,11 +77,11 @@ impl Sbt {
                 let error = |what: String| {
                     Error::new(
                         ErrorKind::InvalidScene,
-                        format!("{table} record {at} names group {}, {what}", record.group),
+                        format!("{table} record {at} refers to group {}, {what}", record.group),
                     )
                 };
                 match (groups.get(record.group as usize), stage) {
-                    (None, _) => return Err(error(format!("but there are {} groups", groups.len()))),
+                    (None, _) => return Err(error(format!("but the pipeline has {} groups", groups.len()))),
                     (Some(Group::Hit(_)), None) => {}
                     (Some(Group::General(shader)), Some(stage)) => {
                         let found = programs[shader.index()].stage;
@@ -90,7 +90,7 @@ impl Sbt {
                         }
                     }
                     (Some(Group::Hit(_)), Some(_)) => return Err(error("which is a hit group".into())),
-                    (Some(Group::General(_)), None) => return Err(error("which is no hit group".into())),
+                    (Some(Group::General(_)), None) => return Err(error("which is not a hit group".into())),
                 }
             }
         }

@@ -67,7 +67,7 @@ impl Launch<'_> {
         let program = program.ok_or_else(|| invalid(format!("the pipeline has no shader {}", shader.0)))?;
         if matches!(program.stage, Stage::Intersection | Stage::Compute | Stage::Other(_)) {
             let (name, stage) = (&program.name, program.stage.name());
-            return Err(invalid(format!("shader `{name}` is {stage}, which does not run by itself")));
+            return Err(invalid(format!("shader `{name}` is {stage}, which cannot run alone")));
         }
         let bindings = bindings(self.pipeline, self.resources);
         let mut stack = Stack::<W>::new(self.pipeline, &bindings, pipeline_observer, observer)

@@ -75,8 +75,9 @@ where
         let fault_value = running.batch.fault_value[lane];
         if trap.code == TrapCode::ShaderRecordEmpty {
             error = error.note(
-                "its data is the key `record` of a table in the scene's [pipeline]: `{ shader = ..., record = { \
-                 ... } }`, in Rust SbtRecord::with_data or ShaderTest::shader_record",
+                "set its data with the key `record` of a table in the scene's [pipeline], `{ shader = \
+                 ..., record = { ... } }`, or in Rust with SbtRecord::with_data or \
+                 ShaderTest::shader_record",
             );
         }
         let terms = match running.batch.access_fault(lane) {
@@ -110,7 +111,7 @@ where
         let between = callers.len().saturating_sub(2 * SHOWN_CALLERS);
         for (at, (program, _, op)) in callers.into_iter().enumerate() {
             error = match at.checked_sub(SHOWN_CALLERS) {
-                Some(0) if between > 0 => error.note(format!("and by {between} more, in between")),
+                Some(0) if between > 0 => error.note(format!("called by {between} more shaders")),
                 Some(hidden) if hidden < between => error,
                 _ => error.note(format!(
                     "called by {} `{}`{}",
@@ -135,8 +136,9 @@ impl<const W: usize> Stack<'_, W> {
                 "max_recursion_depth",
                 f64::from(pipeline.max_recursion),
                 format!(
-                    "the limit is max_recursion_depth = {}, and this is a trace of depth {}: raise it in the scene's \
-                     [pipeline], with --max-recursion-depth, or PipelineBuilder::max_recursion",
+                    "the limit is max_recursion_depth = {}, and this trace has depth {}: raise it in the \
+                     scene's [pipeline], with --max-recursion-depth, or with \
+                     PipelineBuilder::max_recursion",
                     pipeline.max_recursion,
                     u64::from(pipeline.max_recursion) + 1
                 ),
@@ -146,7 +148,7 @@ impl<const W: usize> Stack<'_, W> {
                 f64::from(pipeline.max_callable_depth),
                 format!(
                     "the limit is max_callable_depth = {}: raise it in the scene's [pipeline], with \
-                     --max-callable-depth, or PipelineBuilder::max_callable_depth",
+                     --max-callable-depth, or with PipelineBuilder::max_callable_depth",
                     pipeline.max_callable_depth
                 ),
             ),
@@ -154,8 +156,8 @@ impl<const W: usize> Stack<'_, W> {
                 "max_stack_size",
                 pipeline.max_stack_size as f64,
                 format!(
-                    "the limit is max_stack_size = {} bytes of registers: raise it in the scene's [pipeline], \
-                     with --max-stack-size, or PipelineBuilder::max_stack_size",
+                    "the limit is max_stack_size = {} bytes of registers: raise it in the scene's \
+                     [pipeline], with --max-stack-size, or with PipelineBuilder::max_stack_size",
                     pipeline.max_stack_size
                 ),
             ),
@@ -197,7 +199,7 @@ impl<const W: usize> Stack<'_, W> {
             _ => (TRACE, Some(TRACE.to_owned())),
         };
         let types = payload::mismatch(program(caller), first, called)?;
-        Some(([types, format!("{rule}: both are of one type")], vuid))
+        Some(([types, format!("{rule}: both must have the same type")], vuid))
     }
 }
 
@@ -214,31 +216,32 @@ fn limit(code: TrapCode, fuel: u64, dog: Option<&Watchdog>) -> Option<Cause> {
             "fuel",
             fuel as f64,
             format!(
-                "the limit is fuel = {fuel} instructions of an invocation: raise it in the scene's [pipeline], \
-                 with --fuel, or by `fuel` of PipelineBuilder, Compute and ShaderTest"
+                "the limit is fuel = {fuel} instructions per invocation: raise it in the scene's \
+                 [pipeline], with --fuel, or with `fuel` of PipelineBuilder, Compute and ShaderTest"
             ),
         ),
         TrapCode::LaunchOutOfFuel => {
             let fuel = dog.map_or(0, Watchdog::fuel);
             let note = format!(
-                "the limit is launch_fuel = {fuel} instructions of all invocations together: raise it in the \
-                 scene's [pipeline], with --launch-fuel, or by LaunchLimits::fuel"
+                "the limit is launch_fuel = {fuel} instructions of all invocations together: raise it in \
+                 the scene's [pipeline], with --launch-fuel, or with LaunchLimits::fuel"
             );
             ("launch_fuel", fuel as f64, note)
         }
         TrapCode::LaunchTimedOut => {
             let timeout = seconds(limits.map(|limits| limits.timeout));
             let note = format!(
-                "the limit is timeout = {timeout} s of the launch, and depends on the machine: raise it with \
-                 --timeout, or by LaunchLimits::timeout"
+                "the limit is timeout = {timeout} s per launch (wall-clock time, which depends on the \
+                 machine): raise it with --timeout, or with LaunchLimits::timeout"
             );
             ("timeout", timeout, note)
         }
         TrapCode::BatchTimedOut => {
             let timeout = seconds(limits.map(|limits| limits.batch_timeout));
             let note = format!(
-                "the limit is batch_timeout = {timeout} s of invocations that run together, and depends on the \
-                 machine: raise it with --batch-timeout, or by LaunchLimits::batch_timeout"
+                "the limit is batch_timeout = {timeout} s per batch of invocations (wall-clock time, \
+                 which depends on the machine): raise it with --batch-timeout, or with \
+                 LaunchLimits::batch_timeout"
             );
             ("batch_timeout", timeout, note)
         }
@@ -263,10 +266,10 @@ pub(super) fn spent_together(program: Option<&Program>, launch_id: [u32; 3], dog
     let [x, y, z] = launch_id;
     let last = match program.and_then(|program| program.workgroup) {
         Some(_) => format!("invocation ({x}, {y}, {z})"),
-        None => format!("that with launch id ({x}, {y}, {z})"),
+        None => format!("launch id ({x}, {y}, {z})"),
     };
     let error = Error::trapped(Trap { launch_id, ..Trap::new(code) })
-        .note(format!("the invocations up to {last} have spent it together"));
+        .note(format!("the invocations up to {last} used it up together"));
     let error = with_limit(error, code, 0, Some(dog));
     Trapped { launch_id, code, fault_value: 0, shader: ShaderIndex(0), offset: 0, error }
 }
@@ -276,8 +279,8 @@ pub(super) fn spent_together(program: Option<&Program>, launch_id: [u32; 3], dog
 pub(super) fn timed_out(launch_id: [u32; 3], code: TrapCode, dog: &Watchdog) -> Trapped {
     let [x, y, z] = launch_id;
     let error = Error::trapped(Trap { launch_id, ..Trap::new(code) }).note(format!(
-        "invocations up to ({x}, {y}, {z}) have ended, none of them in an endless loop: the launch has too \
-         many for its time"
+        "the invocations up to ({x}, {y}, {z}) completed without an endless loop: the launch has too \
+         many invocations for its time limit"
     ));
     let error = with_limit(error, code, 0, Some(dog));
     Trapped { launch_id, code, fault_value: 0, shader: ShaderIndex(0), offset: 0, error }
@@ -328,12 +331,12 @@ fn unusable_record(sbt: &Sbt, code: TrapCode, index: u64, terms: Option<HitRecor
     let null = usize::try_from(index).ok().and_then(|index| records.get(index));
     let is = match null {
         Some(None) => ", is null".to_owned(),
-        Some(Some(record)) => format!(", names group {}, which has no such shader", record.group),
+        Some(Some(record)) => format!(", refers to group {}, which has no such shader", record.group),
         None => String::new(),
     };
     let note = format!(
-        "record {index} ({what}), counted from 0, of a table with {of_table}{is}: `{table}` of the scene's [pipeline], \
-         or PipelineBuilder::{table}"
+        "record {index} ({what}), counted from 0, of a table with {of_table}{is}: see `{table}` of the \
+         scene's [pipeline], or PipelineBuilder::{table}"
     );
     Some(Cause { note, operands: TrapOperands::Record { table, index, records: count as u64 } })
 }
@@ -382,7 +385,7 @@ pub(crate) fn with_location(program: &Program, op: OpIndex, error: Error, label:
         Some(line) => error.at_with(line, label).at(Place::Word(origin.offset as usize)),
         None => match program.place_near(origin.offset) {
             Some(line) => {
-                let near = format!("near {}: the instruction has no line of its own", file_and_line(&line));
+                let near = format!("near {}: the instruction has no line information", file_and_line(&line));
                 error.at_with(line, near).at(Place::Word(origin.offset as usize))
             }
             None => {
@@ -441,8 +444,8 @@ mod tests {
         let note = |code, index| unusable_record(&sbt, code, index, None).expect("a note").note;
         assert_eq!(
             note(TrapCode::ShaderRecordMissing, 7),
-            "record 7 (the SBT index of the call), counted from 0, of a table with 2 records: `callable` of the \
-             scene's [pipeline], or PipelineBuilder::callable"
+            "record 7 (the SBT index of the call), counted from 0, of a table with 2 records: see \
+             `callable` of the scene's [pipeline], or PipelineBuilder::callable"
         );
         assert!(
             note(TrapCode::HitRecordMissing, 3)
@@ -470,6 +473,6 @@ mod tests {
         let note = |code, index| unusable_record(&sbt, code, index, None).expect("a note").note;
         assert!(note(TrapCode::NullMiss, 0).contains("of a table with 1 record, is null: `miss`"));
         let named = note(TrapCode::NullClosestHit, 1);
-        assert!(named.contains("2 records, names group 4, which has no such shader: `hit`"), "{named}");
+        assert!(named.contains("2 records, refers to group 4, which has no such shader: `hit`"), "{named}");
     }
 }

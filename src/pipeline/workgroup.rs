@@ -356,7 +356,7 @@ where
         let local_index = self.state.batches[other / W].batch.invocations.local_index(other % W);
         let [x, y, z] = workgroup.local_id(local_index);
         let note = match barrier(other) {
-            None => format!("local invocation ({x}, {y}, {z}) has ended without it"),
+            None => format!("local invocation ({x}, {y}, {z}) ended without reaching it"),
             Some(op) => {
                 let line = source_line(self.program, op);
                 format!("local invocation ({x}, {y}, {z}) waits at another barrier{line}")

@@ -239,7 +239,7 @@ impl<'a> Layout<'a> {
             let rest = &path[walked..];
             let (found, length) = if let Some(index) = rest.strip_prefix('[') {
                 let (index, _) = index.split_once(']').ok_or_else(|| format!("`{path}` lacks a `]`"))?;
-                let number = index.parse::<usize>().map_err(|_| format!("`[{index}]` is no index"))?;
+                let number = index.parse::<usize>().map_err(|_| format!("`[{index}]` is not an index"))?;
                 let element =
                     |element: TypeId| (number.saturating_mul(at.stride()), Self { ty: element, ..at });
                 let part = match *self.module.ty(at.ty) {

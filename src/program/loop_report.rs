@@ -53,7 +53,7 @@ impl Program {
             if first == last {
                 same.push(format!("{name} = {}", value(first)));
             } else {
-                changed.push(format!("{name} from {} to {}", value(first), value(last)));
+                changed.push(format!("{name} changed from {} to {}", value(first), value(last)));
             }
         }
         let list = |mut all: Vec<String>| {
@@ -65,14 +65,14 @@ impl Program {
         let (nothing_changed, all_changed) = (changed.is_empty(), same.is_empty());
         let turned = turns.count - 1;
         let told = match (nothing_changed, all_changed) {
-            _ if turned == 0 => format!("{line} had come round once when the invocation was stopped"),
-            (true, true) => format!("{line}: in its last {turned} turns none of its variables is known"),
+            _ if turned == 0 => format!("{line} had completed one iteration when the invocation was stopped"),
+            (true, true) => format!("{line}: none of its variables is known in its last {turned} iterations"),
             (true, false) => {
-                format!("{line}: in its last {turned} turns nothing changed of {}", list(same))
+                format!("{line}: in its last {turned} iterations, nothing changed: {}", list(same))
             }
-            (false, true) => format!("{line}: in its last {turned} turns changed {}", list(changed)),
+            (false, true) => format!("{line}: in its last {turned} iterations, {}", list(changed)),
             (false, false) => format!(
-                "{line}: in its last {turned} turns changed {}; unchanged: {}",
+                "{line}: in its last {turned} iterations, {}; unchanged: {}",
                 list(changed),
                 list(same)
             ),

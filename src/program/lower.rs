@@ -159,7 +159,7 @@ pub(super) fn translate(
         return Err(Error::new(ErrorKind::UnsupportedModule, message).at(Place::Word(entry.offset as usize)));
     }
     let Some(Definition::Function(function)) = module.definition(entry.function) else {
-        let message = format!("entry point `{}` names no function", entry.name);
+        let message = format!("the function of entry point `{}` does not exist", entry.name);
         return Err(Error::new(ErrorKind::InvalidModule, message).at(Place::Word(entry.offset as usize)));
     };
     module.check_faults()?;
@@ -392,7 +392,7 @@ impl<'m> Lowering<'m> {
                 if words.iter().all(|&word| self.translator.constant_word(word) == Some(0)) {
                     continue;
                 }
-                let message = "a variable in workgroup memory is initialised with another value than null";
+                let message = "a variable in workgroup memory has an initializer other than null";
                 return Err(self.translator.invalid(message).note("VUID-StandaloneSpirv-OpVariable-04734"));
             }
             if self.executes_constants {
@@ -593,8 +593,8 @@ impl<'m> Lowering<'m> {
             if self.translator.type_of(initializer)? != pointee
                 || !matches!(definition, Some(Definition::Constant(_) | Definition::Variable(_)))
             {
-                let message = "the initializer of a variable is a constant, or a variable of module scope, \
-                               of the variable's type";
+                let message = "the initializer of a variable must be a constant or a variable of module \
+                    scope, of the variable's type";
                 return Err(self.translator.invalid(message).note("SPIR-V 3.3.8, \"OpVariable\""));
             }
             let words = self.translator.words(initializer)?;

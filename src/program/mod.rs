@@ -449,7 +449,7 @@ impl Program {
             // A handle that is no descriptor is a device address.
             let (handle, high) = (fault_value as u32, (fault_value >> 32) as u32);
             let name = self.describe_descriptor(handle).filter(|_| high == STRUCTURE_HANDLE)?;
-            return Some(format!("{name} holds none"));
+            return Some(format!("{name} contains none"));
         }
         if trap.code == TrapCode::InvalidHitKind {
             return Some(format!("the hit kind is {fault_value}"));
@@ -462,7 +462,7 @@ impl Program {
         };
         let (handle, size) = match accessed {
             Some(AccessFault::Buffer { handle, size, view: Some((name, offset)) }) => {
-                (*handle, format!(", which has the range of {size} bytes at offset {offset} of `{name}`"))
+                (*handle, format!(", which is the range of {size} bytes at offset {offset} of `{name}`"))
             }
             Some(&AccessFault::Buffer { handle, size, view: None }) => {
                 (handle, format!(", which has {size} bytes"))
@@ -484,7 +484,7 @@ impl Program {
             BufferRef::Workgroup => "the workgroup's memory".to_owned(),
             BufferRef::Computed(_) => self
                 .describe_descriptor(handle.unwrap_or(u32::MAX))
-                .unwrap_or_else(|| "a buffer chosen while running".to_owned()),
+                .unwrap_or_else(|| "a buffer selected at run time".to_owned()),
             BufferRef::Handle(handle) => self.describe_descriptor(handle)?,
         };
         Some(format!("{extent}{name}{size}"))
@@ -517,7 +517,7 @@ impl Program {
             AccessFault::Buffer { handle: Some(handle), .. } => self.describe_descriptor(*handle),
             AccessFault::ImageKind { handle, declared, bound } => {
                 let name = self.describe_descriptor(*handle)?;
-                Some(format!("{name} is declared as {declared}, and {bound} is bound"))
+                Some(format!("{name} is declared as {declared}, but {bound} is bound"))
             }
             AccessFault::Buffer { handle: None, .. }
             | AccessFault::Address { .. }
@@ -542,7 +542,7 @@ impl Program {
                 (Some(offset), None) => format!("offset {offset} of the buffer"),
                 (Some(_), Some(0)) => "at the end of the buffer".to_owned(),
                 (Some(_), Some(distance)) => {
-                    format!("{distance} bytes behind the end of the nearest buffer,")
+                    format!("{distance} bytes past the end of the nearest buffer,")
                 }
             };
         Some(format!(": {position}{name} at {start:#x}, which has {size} bytes"))

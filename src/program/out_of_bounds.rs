@@ -192,7 +192,7 @@ impl Program {
         let names = |among: Vec<HitId>| among.into_iter().map(HitId::name).collect::<Vec<_>>().join(" and ");
         match (ids.same(index), ids.among(index)) {
             (Some(id), _) => format!("; the index is {}", id.name()),
-            (None, among) if !among.is_empty() => format!("; the index is made of {}", names(among)),
+            (None, among) if !among.is_empty() => format!("; the index is computed from {}", names(among)),
             _ => String::new(),
         }
     }

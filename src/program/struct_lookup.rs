@@ -63,7 +63,7 @@ pub fn structs(module: &Module) -> impl Iterator<Item = TypeId> + '_ {
 pub fn find<'a>(module: &'a Module, name: &str) -> Result<Layout<'a>> {
     if let Some(id) = name.strip_prefix('%').and_then(|id| id.parse().ok()) {
         let found = structs(module).find(|ty| module.id_of_type(*ty) == Some(Id(id)));
-        let missing = || invalid(format!("`{name}` is no struct with a layout"));
+        let missing = || invalid(format!("`{name}` is not a struct with a layout"));
         return found.map(|ty| explicit(module, ty)).ok_or_else(missing);
     }
     let mut path = name.split('.');
@@ -74,7 +74,8 @@ pub fn find<'a>(module: &'a Module, name: &str) -> Result<Layout<'a>> {
         let ty = found.and_then(|member| pointed_struct(module, member.ty));
         ty.map(|ty| explicit(module, ty)).ok_or_else(|| {
             let what = module.describe_type(owner.ty);
-            let why = if found.is_some() { "is no struct and leads to none" } else { "does not exist" };
+            let why =
+                if found.is_some() { "is neither a struct nor a pointer to one" } else { "does not exist" };
             invalid(format!("`{name}`: the member `{member}` of {what} {why}")).note_lines(layout_note(owner))
         })
     })
@@ -93,7 +94,7 @@ fn find_named<'a>(module: &'a Module, name: &str) -> Result<Layout<'a>> {
         [one] => Ok(one),
         [] => Err(unknown(module, name)),
         _ => {
-            let message = format!("`{name}` has {} layouts in the module: name one of them", found.len());
+            let message = format!("`{name}` has {} layouts in the module: select one of them", found.len());
             let list: Vec<_> = found.iter().take(40).map(|layout| choice(*layout)).collect();
             Err(invalid(message).note_lines(list.join("\n")))
         }
@@ -326,15 +327,16 @@ fn choice(layout: Layout<'_>) -> String {
 fn unknown(module: &Module, name: &str) -> Error {
     let names = || structs(module).filter_map(|ty| name_of(module, ty));
     if names().next().is_none() {
-        let message = format!("no struct is named `{name}`: the module has no names of structs");
-        return invalid(message).note("its names (OpName) are stripped, or it has no struct with a layout");
+        let message = format!("no struct is named `{name}`: the module contains no struct names");
+        return invalid(message)
+            .note("either its names (OpName) are stripped, or it has no struct with a layout");
     }
     let everywhere = (0..module.types.len() as u32).map(TypeId);
     let without_layout = everywhere
         .filter(|ty| matches!(module.ty(*ty), Type::Struct { .. }))
         .any(|ty| name_of(module, ty) == Some(name));
     let message = match without_layout {
-        true => format!("struct `{name}` has no layout: no buffer, push constant or pointer has one"),
+        true => format!("struct `{name}` has no layout: no buffer, push constant block or pointer uses it"),
         false => format!("no struct of the module is named `{name}`"),
     };
     let mut error = invalid(message);
@@ -418,7 +420,7 @@ impl StructTable {
             );
         }
         if self.members.len() == ROWS {
-            let _ = writeln!(out, "  and more, which are not shown");
+            let _ = writeln!(out, "  and more, not shown");
         }
         out
     }

@@ -87,9 +87,8 @@ impl WorkgroupLayout {
             return Err(translator.invalid(message).note("VUID-StandaloneSpirv-None-10685"));
         };
         let &[x, y, z] = &sides[..] else {
-            return Err(
-                translator.invalid(format!("entry point `{}`: a workgroup has three sides", entry.name))
-            );
+            return Err(translator
+                .invalid(format!("entry point `{}`: a workgroup size has three dimensions", entry.name)));
         };
         let count = x.checked_mul(y).and_then(|area| area.checked_mul(z));
         match count {
@@ -102,7 +101,8 @@ impl WorkgroupLayout {
             Some(1..=MAX_INVOCATIONS) => {
                 if let Some(rule) = derivatives.and_then(|group| group.broken_rule([x, y, z])) {
                     let message = format!(
-                        "entry point `{}`: a workgroup of {x} x {y} x {z} invocations does not fall into quads",
+                        "entry point `{}`: a workgroup of {x} x {y} x {z} invocations does not divide \
+                         into quads",
                         entry.name
                     );
                     return Err(translator.invalid(message).note(rule));
@@ -111,7 +111,8 @@ impl WorkgroupLayout {
                 Ok(Self { size, memory, derivatives })
             }
             _ => Err(translator.unsupported(format!(
-                "entry point `{}`: a workgroup of {x} x {y} x {z} invocations; at most {MAX_INVOCATIONS} run here",
+                "entry point `{}`: a workgroup of {x} x {y} x {z} invocations exceeds the supported \
+                 {MAX_INVOCATIONS}",
                 entry.name
             ))),
         }

@@ -118,7 +118,7 @@ mod tests {
                        vertex_format = 'r16g16b16_sfloat'\nindex_data = { u32 = [2, 1, 3] }\nscale = 2";
         assert_eq!(vertex(buffers), Ok([4.0, 0.0, 4.0]));
         let few = vertex("vertices = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]\nvertices_t1 = [[0, 0, 0]]");
-        assert!(few.is_err_and(|text| text.contains("1 vertices at time 1 for 3 at time 0")));
+        assert!(few.is_err_and(|text| text.contains("1 vertices at time 1, but 3 at time 0")));
     }
 
     #[test]

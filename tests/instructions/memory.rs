@@ -282,14 +282,14 @@ fn an_address_that_leads_nowhere_is_told_by_its_distance_from_the_nearest_buffer
         (FIRST - 4, format!("4 bytes before the nearest {apart}")),
         (FIRST + 14, format!("offset 14 of the {first}")),
         (FIRST + 16, format!("at the end of the {first}")),
-        (FIRST + 20, format!("4 bytes behind the end of the nearest {apart}")),
+        (FIRST + 20, format!("4 bytes past the end of the nearest {apart}")),
         // Halfway between the end of the one and the beginning of the other.
-        (FIRST + 0x8000_0004, format!("2147483636 bytes behind the end of the nearest {apart}")),
+        (FIRST + 0x8000_0004, format!("2147483636 bytes past the end of the nearest {apart}")),
         (FIRST + 0x8000_000C, format!("2147483636 bytes before the nearest {second}")),
         (SECOND - 1, format!("1 bytes before the nearest {second}")),
         (SECOND + 5, format!("offset 5 of the {inside}")),
         (SECOND + 8, format!("at the end of the {inside}")),
-        (SECOND + 9, format!("1 bytes behind the end of the nearest {second}")),
+        (SECOND + 9, format!("1 bytes past the end of the nearest {second}")),
     ] {
         for access in [
             "OpStore %p %u1 Aligned 4",

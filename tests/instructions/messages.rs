@@ -247,7 +247,7 @@ fn an_instruction_without_a_line_is_near_one() {
             _ => None,
         })
     };
-    let near = |line| Some((line, format!("near a.rgen:{line}: the instruction has no line of its own")));
+    let near = |line| Some((line, format!("near a.rgen:{line}: the instruction has no line information")));
     let of_its_own = trapped(FILE, &format!("OpLine %file 7 3\n{access}\nOpNoLine"), "");
     assert_eq!(line(&of_its_own), Some((7, String::new())));
     let body =
@@ -348,7 +348,7 @@ fn a_trap_has_the_line_in_force_or_the_last_one_of_its_function() {
             _ => None,
         });
         let label = match (in_force, last) {
-            (None, Some(line)) => format!("near b.rgen:{line}: the instruction has no line of its own"),
+            (None, Some(line)) => format!("near b.rgen:{line}: the instruction has no line information"),
             _ => String::new(),
         };
         assert_eq!(found, in_force.or(last).map(|line| (line, &*label)), "{body}");

@@ -54,7 +54,7 @@ const OVERLAP: &str = "SPIR-V, 2.16.2: ArrayStride, MatrixStride and Offset are 
                        affect, and strides are above 0";
 const DECORATED: &str = "SPIR-V, 2.16.2: members have an Offset, arrays an ArrayStride, matrices a MatrixStride and \
                          RowMajor or ColMajor";
-const ONCE: &str = "SPIR-V, 2.16.1: a target has a decoration once";
+const ONCE: &str = "SPIR-V, 2.16.1: a decoration is applied to a target at most once";
 pub(super) const RUNTIME_ARRAY: &str = "VUID-StandaloneSpirv-OpTypeRuntimeArray-04680";
 
 /// Storage classes, numbers of the specification.
@@ -177,7 +177,7 @@ impl Checker<'_> {
             match member.offset {
                 Some(offset) => {
                     if let Some(other) = self.other_offset(ty, index, offset) {
-                        let what = format!("has the Offset {offset} and the Offset {other}");
+                        let what = format!("has two Offsets, {offset} and {other}");
                         return self.fault(ty, index, &what, ONCE);
                     }
                     ordered.push((u64::from(offset), index));
@@ -287,22 +287,22 @@ impl Checker<'_> {
             };
         };
         if let Some(other) = self.other_stride(part.ty, stride) {
-            let what = format!("has an array of ArrayStride {stride} and of ArrayStride {other}");
+            let what = format!("has an array with two ArrayStrides, {stride} and {other}");
             return self.owner_fault(part, &what, ONCE);
         }
         let stride = u64::from(stride);
         if stride == 0 {
-            return self.owner_fault(part, "has an array of ArrayStride 0", OVERLAP);
+            return self.owner_fault(part, "has an array with ArrayStride 0", OVERLAP);
         }
         if let Some(alignment) =
             self.alignment_of(part, self.alignment).filter(|&to| !stride.is_multiple_of(to))
         {
-            let what = format!("has an array of ArrayStride {stride}, not aligned to {alignment} bytes");
+            let what = format!("has an array with ArrayStride {stride}, not aligned to {alignment} bytes");
             return self.owner_fault(part, &what, self.alignment_rule());
         }
         let size = self.sizes.size(element, part.matrix).unwrap_or(0);
         if stride < size {
-            let what = format!("has an array of ArrayStride {stride}, whose elements have {size} bytes");
+            let what = format!("has an array with ArrayStride {stride}, whose elements have {size} bytes");
             return self.owner_fault(part, &what, OVERLAP);
         }
         // Offsets of elements modulo 16 recur.
@@ -341,7 +341,7 @@ impl Checker<'_> {
         };
         let stride = u64::from(layout.stride);
         if stride == 0 {
-            return self.owner_fault(part, "is a matrix of MatrixStride 0", OVERLAP);
+            return self.owner_fault(part, "is a matrix with MatrixStride 0", OVERLAP);
         }
         if self.is_required && !self.has_order(part) {
             return self.owner_fault(part, "is a matrix with neither RowMajor nor ColMajor", DECORATED);
@@ -349,14 +349,14 @@ impl Checker<'_> {
         if let Some(alignment) =
             self.alignment_of(part, self.alignment).filter(|&to| !stride.is_multiple_of(to))
         {
-            let what = format!("is a matrix of MatrixStride {stride}, not aligned to {alignment} bytes");
+            let what = format!("is a matrix with MatrixStride {stride}, not aligned to {alignment} bytes");
             return self.owner_fault(part, &what, self.alignment_rule());
         }
         let across = if layout.row_major { count } else { rows };
         let size = u64::from(across) * self.scalar_size(component).unwrap_or(0);
         if stride < size {
             let vectors = if layout.row_major { "rows" } else { "columns" };
-            let what = format!("is a matrix of MatrixStride {stride}, whose {vectors} have {size} bytes");
+            let what = format!("is a matrix with MatrixStride {stride}, whose {vectors} have {size} bytes");
             return self.owner_fault(part, &what, OVERLAP);
         }
         Ok(())
@@ -451,7 +451,7 @@ impl Checker<'_> {
         let is_runtime = matches!(self.module.ty(members[other].ty), Type::RuntimeArray { .. });
         let what = match is_runtime {
             true => {
-                format!("at offset {offset} lies behind {other_name}, a runtime array, which must be last")
+                format!("at offset {offset} follows {other_name}, a runtime array, which must be last")
             }
             false => format!("at offset {offset} overlaps {other_name}, which ends at offset {end}"),
         };

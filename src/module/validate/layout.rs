@@ -21,8 +21,8 @@ const OUTPUT: u32 = 3;
 const BUILT_IN: u32 = 11;
 
 /// SPIR-V on bools in memory that is visible outside of shaders.
-const BOOL: &str = "SPIR-V, 3.3.6, OpTypeBool: it has no size, and is stored in no storage class that is visible \
-                    outside of shaders";
+const BOOL: &str = "SPIR-V, 3.3.6, OpTypeBool: it has no size and cannot be stored in storage classes \
+    that are visible outside shaders";
 
 /// Checks the layouts of all blocks of a module, with every feature of a device that allows more.
 pub(super) fn check(module: &Module) -> Vec<ValidationFinding> {
@@ -104,7 +104,7 @@ fn interface_bool_fault(module: &Module, variable: Id, ty: TypeId, class: u32) -
     let is_builtin = module.decorations.find(variable, BUILT_IN).is_some()
         || matches!(module.ty(ty), Type::Struct { members, .. } if members.iter().any(|one| one.builtin.is_some()));
     let fault = LayoutFault {
-        message: format!("{} holds a bool in {}", module.quoted_name(variable), storage_class_name(class)),
+        message: format!("{} contains a bool in {}", module.quoted_name(variable), storage_class_name(class)),
         rule: "VUID-StandaloneSpirv-Input-07290".to_owned(),
         fix: "pass a 32-bit integer, 0 or 1, or decorate the variable as a builtin".to_owned(),
     };
@@ -118,7 +118,7 @@ fn bool_fault(module: &Module, ty: TypeId, class: u32) -> Option<LayoutFault> {
     }
     let name = module.id_of_type(ty).map_or_else(String::new, |id| module.quoted_name(id));
     Some(LayoutFault {
-        message: format!("{name} holds a bool, which must not be in {}", storage_class_name(class)),
+        message: format!("{name} contains a bool, which is not allowed in {}", storage_class_name(class)),
         rule: BOOL.to_owned(),
         fix: "store a 32-bit integer, 0 or 1".to_owned(),
     })

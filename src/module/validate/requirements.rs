@@ -138,8 +138,8 @@ impl Pass<'_> {
         }
         let version = self.declared.version;
         if let Some(last) = requirement.until.filter(|&last| version > last) {
-            let message = format!("{name} does not exist after SPIR-V 1.{last}");
-            let fix = format!("compile for SPIR-V 1.{last}, or use what replaced it");
+            let message = format!("{name} was removed after SPIR-V 1.{last}");
+            let fix = format!("compile for SPIR-V 1.{last}, or use its replacement");
             return self.report(ValidationClass::Extension, &name, &rule, place, message, fix);
         }
         if let Some(missing) = self.missing_extension(&requirement) {
@@ -195,8 +195,8 @@ impl Pass<'_> {
         }
         let version = self.declared.version;
         if let Some(last) = requirement.until.filter(|&last| version > last) {
-            let message = format!("{name} does not exist after SPIR-V 1.{last}");
-            let fix = format!("compile for SPIR-V 1.{last}, or use what replaced it");
+            let message = format!("{name} was removed after SPIR-V 1.{last}");
+            let fix = format!("compile for SPIR-V 1.{last}, or use its replacement");
             return self.report(ValidationClass::Extension, &name, &rule, place, message, fix);
         }
         // The declaration of a capability asks for the extension. `Shader` allows this one, too.

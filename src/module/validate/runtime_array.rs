@@ -23,7 +23,7 @@ pub(super) fn type_faults(module: &Module) -> Vec<(usize, Option<Id>, LayoutFaul
             Type::Struct { members, block: false, .. }
                 if members.last().is_some_and(|last| is_runtime(last.ty)) =>
             {
-                ("ends in a runtime array and is no Block", "decorate it with Block")
+                ("ends in a runtime array but is not a Block", "decorate it with Block")
             }
             Type::Array { element, .. } | Type::RuntimeArray { element, .. } if is_runtime(*element) => {
                 ("is an array of runtime arrays", "give the inner array a length")
@@ -66,9 +66,9 @@ pub(super) fn variable_fault(module: &Module, ty: TypeId, class: u32) -> Option<
                 // In Uniform by the feature shaderUniformBufferUnsizedArray.
                 STORAGE_BUFFER | PHYSICAL_STORAGE_BUFFER | UNIFORM if block => None,
                 STORAGE_BUFFER | PHYSICAL_STORAGE_BUFFER | UNIFORM => {
-                    fault(format!("{name} holds a runtime array and is no Block"))
+                    fault(format!("{name} contains a runtime array but is not a Block"))
                 }
-                _ => fault(format!("{name} holds a runtime array in {}", storage_class_name(class))),
+                _ => fault(format!("{name} contains a runtime array in {}", storage_class_name(class))),
             }
         }
         _ => None,

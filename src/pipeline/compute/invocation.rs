@@ -69,9 +69,9 @@ impl Compute {
             );
             let error = Error::new(ErrorKind::InvalidArgument, message);
             return Err(match size.contains(&0) {
-                true => error.note("it has no invocations"),
+                true => error.note("the dispatch has no invocations"),
                 false => error.note(format!(
-                    "they go from 0,0,0 to {}",
+                    "its invocations range from 0,0,0 to {}",
                     triple(array::map(size, |side| side - 1), ",")
                 )),
             });

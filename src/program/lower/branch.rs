@@ -85,7 +85,8 @@ impl Lowering<'_> {
                 let message = format!("{name} in {}", self.translator.stage.name());
                 return Err(match other {
                     opcode::KILL | opcode::TERMINATE_INVOCATION => {
-                        let rule = format!("SPIR-V, 3.3.17, {name}: only in the execution model Fragment");
+                        let rule =
+                            format!("SPIR-V, 3.3.17, {name}: allowed only in the execution model Fragment");
                         self.translator.invalid(message).note(rule)
                     }
                     _ => self.translator.unsupported(message),
@@ -106,7 +107,9 @@ impl Lowering<'_> {
 
     fn target(&self, site: &Site<'_>, target: Id) -> Result<Label> {
         let label = block_of(self.module, site.function, target).and_then(|block| site.labels[block]);
-        label.ok_or_else(|| self.translator.invalid(format!("a branch to %{}, which is no block", target.0)))
+        label.ok_or_else(|| {
+            self.translator.invalid(format!("a branch to %{}, which is not a block", target.0))
+        })
     }
 
     /// The label that an edge of a conditional branch goes to. If the target has phis, the edge is
@@ -145,7 +148,7 @@ impl Lowering<'_> {
                 self.translator.origin.offset = phi.offset;
                 return Err(self
                     .translator
-                    .invalid(format!("a phi has no value for block %{}", site.block.0)));
+                    .invalid(format!("OpPhi has no value for block %{}", site.block.0)));
             };
             let to = self.translator.words(id)?;
             let from = self.translator.words_unchecked(from)?;

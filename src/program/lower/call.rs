@@ -15,7 +15,7 @@ impl Lowering<'_> {
     pub(super) fn call(&mut self, instruction: &Instruction) -> Result<()> {
         let callee = self.translator.id(instruction, 0)?;
         let Some(Definition::Function(index)) = self.module.definition(callee) else {
-            return Err(self.translator.invalid(format!("%{} is no function", callee.0)));
+            return Err(self.translator.invalid(format!("%{} is not a function", callee.0)));
         };
         let module = self.module;
         let function = &module.functions[index as usize];
@@ -104,7 +104,7 @@ impl Lowering<'_> {
     pub(super) fn lower_called_function(&mut self, id: Id) -> Result<()> {
         let called = self.called_functions[&id].clone();
         let Some(Definition::Function(index)) = self.module.definition(id) else {
-            return Err(self.translator.invalid(format!("%{} is no function", id.0)));
+            return Err(self.translator.invalid(format!("%{} is not a function", id.0)));
         };
         let module = self.module;
         let function = &module.functions[index as usize];
