@@ -26,7 +26,7 @@ rules! {
          it, use one structure for all of them, or a separate hit group (and SBT offset) for each type"
     CALLABLE_UNDECLARED "callable-undeclared" UndefinedBehavior
         "Every callable shader that is called with callable data declares the data, even if it does not \
-         use them."
+         use it."
         "Vulkan, \"Ray Tracing Pipeline Interface\": the incoming data \"must be the same structure as the callable data \
          referenced by the execute callable instruction\""
         "declare the data with callableDataInEXT in the shader"
