@@ -204,7 +204,7 @@ fn runtime_arrays_grow_to_what_is_set() {
 fn strides_are_compared() {
     let rows = [[10f32, 11.0, 12.0], [20.0, 21.0, 22.0], [30.0, 31.0, 32.0], [40.0, 41.0, 42.0]];
     let text = message(types().buffer(0, 1, &rows).run());
-    assert!(text.contains("elements lie 12 bytes apart, and 16 in the shader"), "{text}");
+    assert!(text.contains("elements are 12 bytes apart, but 16 in the shader"), "{text}");
     message(types().buffer(0, 1, &[[0f32; 3]; 4]).run());
     message(types().buffer(0, 1, &[[[0f32; 3]; 2]; 2]).run());
     message(types().buffer(0, 1, &[[1.0f64; 2]; 2]).run());
@@ -265,7 +265,7 @@ fn fields_of_structs_are_compared() {
     assert_eq!(outcome.read_buffer::<u32>(0, 3).unwrap()[6..8], [3, 0.25f32.to_bits()]);
     let swapped = Swapped { scale: 0.25, count: 3, offset: [-1, 1] };
     let text = message(types().push_constants(&swapped).run());
-    assert!(text.contains("the scalars of `Swapped` are not those of the shader's"), "{text}");
+    assert!(text.contains("the scalars of `Swapped` differ from those of the shader's"), "{text}");
 }
 
 #[test]

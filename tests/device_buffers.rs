@@ -66,7 +66,7 @@ fn a_pipeline_follows_pointers_of_push_constants_and_records() -> Result<()> {
     // A pointer of the record alone leads to the first material.
     assert_eq!(traced.buffer_at(materials)?[0]["roughness"].f32(), 0.5);
     let error = traced.buffer_at(instances + 8).unwrap_err();
-    assert!(error.message().contains("no pointer leads to address 0x200000008"), "{error}");
+    assert!(error.message().contains("no pointer refers to address 0x200000008"), "{error}");
     // What was given is as it was, unless the ray is to write to it.
     assert_eq!(scene.read_buffer_at::<f32>(instances + 12)?, [0.0]);
     let (mut written, before) = (scene.clone(), scene);

@@ -57,7 +57,7 @@ fn an_invocation_that_left_the_value_as_it_was_is_found() {
     holds(
         &text,
         &[
-            "last written, with the value that it had before, at a.wgsl:3: out[id.x] = 7u * id.x;",
+            "last written, with an unchanged value, at a.wgsl:3: out[id.x] = 7u * id.x;",
             "the invocation, explained:",
             "invocation (1, 0, 0) of dispatch 0",
             "see also: anyhit trace-one-ray scene.toml --invocation 1,0,0\n",
@@ -111,7 +111,7 @@ fn of_large_dispatches_the_invocation_of_the_element_is_tried() {
     // Backwards no element is that of its invocation.
     let backwards = shader.replace("out[id.x] = id.x", "out[102399u - id.x] = id.x");
     let text = failure("large-backwards", &[("a.wgsl", &backwards), ("scene.toml", &scene)]);
-    holds(&text, &["by one of its 102400 invocations: too many to search for it (the most are 65536)"]);
+    holds(&text, &["by one of its 102400 invocations: too many to search (the limit is 65536)"]);
 }
 
 const DRAW: &str = "@group(0) @binding(0) var picture: texture_storage_2d<rgba32float, write>;\n\
@@ -262,8 +262,8 @@ fn words_of_a_payload_are_told_whether_they_changed_or_not() {
     holds(
         &text,
         &[
-            "never written: the shaders that ran leave it as the ray's payload began",
-            "last written, with the value that it had before, at leaf.rchit:7: payload.colour.z = 0.0;",
+            "never written: it still has the initial value of the ray's payload",
+            "last written, with an unchanged value, at leaf.rchit:7: payload.colour.z = 0.0;",
         ],
     );
 }

@@ -506,7 +506,7 @@ fn values_of_every_kind_are_tried() {
         assert_eq!(entry.result, SmokeVerdict::Trap, "{condition}: {}", report.text());
         let trap = entry.runs[0].trap.as_ref().expect("a trap");
         let note = trap.error.notes.last().expect("a note");
-        assert!(note.starts_with("on made-up inputs; ") && note.contains(", 0 got past"), "{note}");
+        assert!(note.starts_with("on synthetic inputs; ") && note.contains(", 0 got past"), "{note}");
         let report = run(&ray_generation("", &guarded(&condition, FORWARDS)));
         let reached = coverage(&report.entry_points[0]);
         assert!(
@@ -523,7 +523,7 @@ fn values_of_every_kind_are_tried() {
 fn what_is_too_small_is_made_larger() {
     let report = run(&ray_generation("", &guarded(&number("%5000", "OpIEqual %bool %n %0"), FORWARDS)));
     let note = report.entry_points[0].runs[0].note.clone().unwrap_or_else(|| panic!("{}", report.text()));
-    assert!(report.is_ok() && note.contains("ran with larger resources"), "{note}");
+    assert!(report.is_ok() && note.contains("runs with larger resources"), "{note}");
 }
 
 #[test]

@@ -73,7 +73,7 @@ fn the_shadow_finds_nothing_in_the_recentred_twin() {
     let output = anyhit(&["run", &scene("recentred"), "--shadow"], "2");
     assert!(output.status.success(), "{output:?}");
     let text = text(&output);
-    assert!(text.contains("no line loses much, and nothing is decided otherwise"), "{text}");
+    assert!(text.contains("no line loses much precision, and no decision changes"), "{text}");
     assert_eq!(text.lines().count(), 1, "{text}");
 }
 
@@ -205,7 +205,7 @@ fn a_picture_is_written_before_its_stability_is_told() {
     let output = render(&["--perturb", "16"]);
     let told = text(&output);
     assert_eq!(output.status.code(), Some(1), "{told}");
-    assert!(told.contains("branch at main.rchit:12 goes another way"), "{told}");
+    assert!(told.contains("branch at main.rchit:12 changes first in"), "{told}");
     assert_eq!(std::fs::read(&picture).expect("a picture"), plain, "the picture is the plain one");
 
     let report = json(&render(&["--shadow", "--json"]));

@@ -361,8 +361,8 @@ fn mistakes_show_the_layout() {
         ("direction = [1, 2, 3], powr = 1", "struct Sun has no member `powr`"),
         ("direction = [1, 2, 3], powr = 1", "did you mean `power`?"),
         ("direction = [1, 2], power = 1", "`direction` is vec3: expected 3 elements, found 2"),
-        ("direction = 1, power = 1", "`direction` is vec3: an array is needed, an integer is given"),
-        ("direction = [1, 2, 3], power = 'x'", "`power` is float: a number is needed, a string is given"),
+        ("direction = 1, power = 1", "`direction` is vec3: expected an array, found an integer"),
+        ("direction = [1, 2, 3], power = 'x'", "`power` is float: expected a number, found a string"),
         ("direction = [1, 2, 3], power = 1e39", "`1e39` is beyond the range of f32"),
     ] {
         refused(&sun(value), &[&layout[..], &[message]].concat());
@@ -378,7 +378,7 @@ fn mistakes_show_the_layout() {
         ("sun = 3", "`sun` is struct Sun: a table of its members is needed"),
         (
             "sun = { power = true, direction = [0, 0, 0] }",
-            "`sun.power` is float: a number is needed, a Boolean",
+            "`sun.power` is float: expected a number, found a Boolean",
         ),
     ] {
         let text = format!("data = {{ struct = 'SceneInfo', value = {{ {value} }}, rest = 'zeros' }}");
@@ -420,7 +420,7 @@ fn specialization_constants_have_names() {
     for wanted in [
         "the module has no specialization constant named `SAMPLE`",
         "did you mean `SAMPLES`?",
-        "there are: USE_SKY (3), SAMPLES (5)",
+        "available: USE_SKY (3), SAMPLES (5)",
         "s.toml:4:20",
     ] {
         assert!(report.contains(wanted), "{report}");

@@ -514,7 +514,10 @@ mod tests {
             indices: Some((packed(&indices), IndexType::Uint16)),
             range: TRIANGLE,
         };
-        assert!(message(input.triangles(None)).contains("vertex 3 ends at byte 48, past the end of its buffer of 36 bytes"));
+        assert!(
+            message(input.triangles(None))
+                .contains("vertex 3 ends at byte 48, past the end of its buffer of 36 bytes")
+        );
         let odd = BuildInput { vertices: Strided { bytes: &positions, stride: Some(6) }, ..input };
         assert!(message(odd.triangles(None)).contains("vertexStride-03735"));
         let radii = packed(&positions);
@@ -535,14 +538,19 @@ mod tests {
         assert!(message(shifted.triangles(None)).contains("primitiveOffset-03657"));
         let many = BuildRange { primitive_count: Some(2), ..TRIANGLE };
         let many = BuildInput { range: many, ..input };
-        assert!(message(many.triangles(None)).contains("index 3 ends at byte 8, past the end of the 6 bytes"));
+        assert!(
+            message(many.triangles(None)).contains("index 3 ends at byte 8, past the end of the 6 bytes")
+        );
         assert!(
             message(aabbs(Strided { bytes: &positions, stride: Some(25) }, TRIANGLE))
                 .contains("stride-03545")
         );
         assert!(message(aabbs(packed(&positions), moved(4))).contains("primitiveOffset-03659"));
         let far = BuildRange { primitive_count: Some(2), ..TRIANGLE };
-        assert!(message(aabbs(packed(&positions), far)).contains("box 1 ends at byte 48, past the end of its buffer of 36 bytes"));
+        assert!(
+            message(aabbs(packed(&positions), far))
+                .contains("box 1 ends at byte 48, past the end of its buffer of 36 bytes")
+        );
         assert_eq!(aabbs(packed(&positions), moved(8)).unwrap().primitive_count(), 1);
     }
 }

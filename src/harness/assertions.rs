@@ -221,7 +221,7 @@ pub fn near(
     let (numbers, wanted) = (found.numbers(), expected.numbers());
     let mut wrong = Vec::new();
     if numbers.len() != wanted.len() {
-        wrong.push(format!("{} numbers where {} are expected", numbers.len(), wanted.len()));
+        wrong.push(format!("found {} numbers, expected {}", numbers.len(), wanted.len()));
     }
     for (at, (&(scalar, bits), &(kind, expected))) in numbers.iter().zip(&wanted).enumerate() {
         let differs = |tolerance: &Tolerance| match (scalar.integer(bits), kind.integer(expected)) {
@@ -392,7 +392,7 @@ mod tests {
         assert!(text.contains("7.5e-1 away and 5e-1 allowed; expected"), "{text}");
         assert!(text.contains("ObjectRayOriginKHR"), "{text}");
         let text = message(|| assert_ulps!([1.0f32], [1.0, 2.0], 1));
-        assert!(text.contains("1 numbers where 2 are expected"), "{text}");
+        assert!(text.contains("found 1 numbers, expected 2"), "{text}");
         let text = message(|| assert_near!(f32::NAN, 1.0, absolute = 1e9));
         assert!(text.contains("found NaN"), "{text}");
     }

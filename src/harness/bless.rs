@@ -55,7 +55,7 @@ pub fn bless(fixes: Vec<Fix>, limits: &InputLimits) -> Result<Vec<PathBuf>> {
         return Ok(done);
     }
     let error = Error::several(errors);
-    Err(done.iter().fold(error, |error, path| error.note(format!("written anew: {}", escape::path(&path)))))
+    Err(done.iter().fold(error, |error, path| error.note(format!("renewed: {}", escape::path(&path)))))
 }
 
 /// Changes of one text in order, each once.
@@ -104,17 +104,15 @@ fn changed<'a>(old: &str, changes: impl Iterator<Item = (std::ops::Range<usize>,
 /// Changes of a text that another process changed since it was read.
 fn merged(source: &TomlSource, now: &str, changes: &[(Span, String)]) -> Result<String> {
     let refused = |why: String| {
-        let message = format!("{}: changed while its tests ran", escape::path(&source.path));
-        Error::new(ErrorKind::Io, message)
-            .note(why)
-            .note("none of its values was written: run the tests again")
+        let message = format!("{} changed while its tests ran", escape::path(&source.path));
+        Error::new(ErrorKind::Io, message).note(why).note("no values were written: run the tests again")
     };
     let merge = Merge::of(&source.text, now).map_err(&refused)?;
     let mut moved = Vec::new();
     for (span, new) in changes {
         let Some(range) = merge.range(&span.range) else {
             let was = &source.text[span.range.clone()];
-            return Err(refused(format!("`{was}` has no place in it any more")));
+            return Err(refused(format!("`{was}` is no longer in the file")));
         };
         match &now[range.clone()] {
             there if there == new => {}
@@ -130,9 +128,9 @@ fn merged(source: &TomlSource, now: &str, changes: &[(Span, String)]) -> Result<
 }
 
 fn disagreement(what: String) -> Error {
-    let message = format!("{what}: two runs ask for different values, so neither is written");
+    let message = format!("{what}: two runs found different values, so neither was written");
     Error::new(ErrorKind::Expectation, message)
-        .note("variants of a scene, or several tests, share this expectation and leave different results")
+        .note("variants of a scene, or several tests, share this expectation but have different results")
 }
 
 #[cfg(test)]
@@ -215,7 +213,7 @@ mod tests {
         let now = BEFORE.replace("t = 1,", "t = 1.25,");
         let filled = now.replacen("[ray.expect]\n", "[ray.expect]\nmiss = true\n", 1);
         assert_eq!(merged(&source, &now, &fill).unwrap(), filled);
-        assert!(merged(&source, &filled, &fill).unwrap_err().render().contains("no place in it any more"));
+        assert!(merged(&source, &filled, &fill).unwrap_err().render().contains("is no longer in the file"));
     }
 
     #[test]
@@ -233,7 +231,7 @@ mod tests {
             let now = BEFORE.replacen(old, new, 1);
             let error = merged(&source, &now, &change).unwrap_err();
             assert_eq!(error.kind(), ErrorKind::Io, "{now}");
-            assert!(error.message().starts_with("a.toml: changed while its tests ran"), "{error}");
+            assert!(error.message().starts_with("a.toml changed while its tests ran"), "{error}");
         }
         let now = BEFORE.replace("t = 7", "t = 8");
         let error = merged(&source, &now, &change).unwrap_err();

@@ -43,8 +43,8 @@ impl Bound {
         bytes_at(&self.resources, address)?;
         let programs: Vec<_> = self.programs.iter().map(|program| &**program).collect();
         pointed(&programs, &self.resources, &self.roots, address).ok_or_else(|| {
-            invalid(format!("no pointer leads to address {address:#x}"))
-                .note("`read_buffer_at` gives what lies there nevertheless")
+            invalid(format!("no pointer refers to address {address:#x}"))
+                .note("read the memory there with `read_buffer_at`")
         })
     }
 
@@ -60,8 +60,8 @@ impl Bound {
             None => self.programs.iter().find_map(|program| read(program, kept)),
         };
         block.ok_or_else(|| {
-            invalid(format!("no shader here uses a buffer at set {set}, binding {binding}"))
-                .note("`buffer_bytes` gives its bytes nevertheless")
+            invalid(format!("no shader uses a buffer at set {set}, binding {binding}"))
+                .note("read its bytes with `buffer_bytes`")
         })
     }
 
@@ -154,7 +154,7 @@ pub(super) fn bytes_at(resources: &Resources, address: u64) -> Result<Vec<u8>> {
     let found = resources.memory.buffer(address);
     let (buffer, offset) = found
         .filter(|(buffer, offset)| *offset <= buffer.size())
-        .ok_or_else(|| invalid(format!("no buffer lies at address {address:#x}")))?;
+        .ok_or_else(|| invalid(format!("no buffer contains address {address:#x}")))?;
     Ok(buffer.bytes().split_off(offset as usize))
 }
 
@@ -168,7 +168,10 @@ pub(super) fn rows<T: AnyBitPattern>(bytes: &[u8]) -> Result<Vec<T>> {
     let size = size_of::<T>();
     if size == 0 || !bytes.len().is_multiple_of(size) {
         let name = std::any::type_name::<T>();
-        let message = format!("a buffer of {} bytes is no row of `{name}`, of {size}", bytes.len());
+        let message = format!(
+            "the size of the buffer, {} bytes, is not a multiple of the size of `{name}`, {size}",
+            bytes.len()
+        );
         return Err(invalid(message));
     }
     Ok(bytes.chunks_exact(size).map(bytemuck::pod_read_unaligned).collect())

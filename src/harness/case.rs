@@ -133,7 +133,7 @@ impl Case {
         if cases.is_empty() {
             let message = format!("`{}` has no `scene.toml` and no `*.test.toml`", escape::path(folder));
             return Err(Error::new(ErrorKind::InvalidArgument, message)
-                .note("name a folder with cases: without any, nothing would be checked"));
+                .note("pass a folder with cases: without any, nothing would be checked"));
         }
         Ok(cases)
     }

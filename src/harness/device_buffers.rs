@@ -96,7 +96,7 @@ impl DeviceBuffers {
             self.contents.get_mut(name).ok_or_else(|| invalid(format!("no buffer is named `{name}`")))?;
         let size = content.len();
         let place = content.get_mut(..bytes.len()).ok_or_else(|| {
-            invalid(format!("{} bytes are written to `{name}`, which has {size}", bytes.len()))
+            invalid(format!("cannot write {} bytes to `{name}`, which has {size}", bytes.len()))
         })?;
         place.copy_from_slice(bytes);
         Ok(())
@@ -152,7 +152,7 @@ mod tests {
         assert_eq!(message(buffers.reserve("a", 4).unwrap_err()), "two buffers are named `a`");
         assert_eq!(message(buffers.write("b", &[1u32]).unwrap_err()), "no buffer is named `b`");
         let error = message(buffers.write("a", &[1u32, 2]).unwrap_err());
-        assert_eq!(error, "8 bytes are written to `a`, which has 4");
+        assert_eq!(error, "cannot write 8 bytes to `a`, which has 4");
         let huge = buffers.reserve("b", usize::MAX).unwrap_err();
         assert!(huge.message().contains("`buffer-bytes`"), "{huge}");
     }

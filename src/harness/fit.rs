@@ -189,7 +189,7 @@ fn stride_misfit(layout: Layout<'_>, rust: &RustLayout) -> Option<String> {
 }
 
 fn rows_apart(given: usize, stride: usize) -> String {
-    format!("elements lie {given} bytes apart, and {stride} in the shader")
+    format!("elements are {given} bytes apart, but {stride} in the shader")
 }
 
 fn row_misfit(
@@ -232,7 +232,7 @@ fn padding_misfit(bytes: &[u8], from: usize, to: usize, host: HostScalar) -> Opt
     let lost = bytes.get(from..to)?.iter().position(|byte| *byte != 0)? + from;
     let at = lost / host.size * host.size;
     let number = host.text(bytes.get(at..(at + host.size).min(bytes.len()))?);
-    Some(format!("the {} {number} at offset {at} lies in padding, which no shader reads", host.name))
+    Some(format!("the {} {number} at offset {at} is in padding, which no shader reads", host.name))
 }
 
 /// Arrays in arrays begin where vectors, columns and elements of the shader do.
@@ -270,7 +270,8 @@ fn boundary_misfit(
                 return Some(match &scalars.runtime {
                     Some((_, stride, _)) => rows_apart(row, *stride),
                     None => format!(
-                        "an array of {row} bytes begins at offset {at}, where no part of the shader's does"
+                        "an array of {row} bytes begins at offset {at}, where no part of the shader's \
+                         layout begins"
                     ),
                 });
             }

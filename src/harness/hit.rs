@@ -117,17 +117,20 @@ impl Hit {
             wrong(message)
                 .note("combine the constants of `RayFlags`: `RayFlags::OPAQUE | RayFlags::SKIP_AABBS`")
         })?;
-        trace.check().map_err(|rule| {
-            wrong(format!("a ray that cannot be traced: {}", ray_rules::describe_of_trace(rule)))
-        })?;
+        trace
+            .check()
+            .map_err(|rule| wrong(format!("invalid ray: {}", ray_rules::describe_of_trace(rule))))?;
         match first_hit(&tlas, trace) {
             Some(Committed { candidate, t, hit_kind: kind }) => {
                 Ok(Resolved { hit: machine::TlasHit { tlas, candidate, kind }, trace, t })
             }
             None => Err(wrong(format!("the ray misses the primitive: {ray:?}"))
                 .note(what)
-                .note("spheres and linear swept spheres have no hit from inside, and flags may cull a hit")
-                .note("to give a shader what no ray sees, set builtins by name: `.builtin(\"RayTmaxKHR\", 2.0)`")),
+                .note("spheres and linear swept spheres are not hit from inside, and flags can cull a hit")
+                .note(
+                    "to test values that no ray produces, set builtins by name: \
+                    `.builtin(\"RayTmaxKHR\", 2.0)`",
+                )),
         }
     }
 }

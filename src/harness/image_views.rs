@@ -62,8 +62,8 @@ fn mistake(program: &Program, slot: &Slot, element: usize, format: Format) -> Op
     let format = format.name();
     let bound = if bound.starts_with("the format") { bound } else { format!("{bound} ({format})") };
     let message = format!(
-        "the image at set {set}, binding {binding}{element} has {bound}, and the shader declares {declared} \
-         there{name}"
+        "the image at set {set}, binding {binding}{element} has {bound}, but the shader declares \
+         {declared}{name}"
     );
     let write = written(declared_format(&program.module, &ty));
     let how = match view.format {

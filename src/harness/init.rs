@@ -64,7 +64,7 @@ pub fn case(
     }
     let scene = folder.join("scene.toml");
     if scene.exists() {
-        let message = format!("{} is there already", escape::path(&scene));
+        let message = format!("{} already exists", escape::path(&scene));
         return Err(Error::new(ErrorKind::InvalidArgument, message));
     }
     let mut shaders = Shaders::default();
@@ -111,7 +111,8 @@ fn record(scene: &Path, mut text: String, files: &SceneFiles, limits: &RunLimits
                 text = now.ok().and_then(|now| String::from_utf8(now).ok()).unwrap_or(text);
                 let _ = write!(
                     text,
-                    "\n# `{}` does not run yet: give buffers and payload what the shaders need.\n{why}",
+                    "\n# `{}` does not run yet: fill the buffers and the payload as the shaders \
+                     require.\n{why}",
                     finished.name
                 );
                 atomic_file::write(scene, &text)?;
@@ -239,7 +240,7 @@ impl Shaders {
         }
         if launches {
             out.push_str(
-                "\n# Recorded from a first run, not derived: is it right? Then say why, with `because`.\n",
+                "\n# Recorded from a first run, not derived: check it, and explain it with `because`.\n",
             );
             out.push_str("[expect.stats]\nrays = 0\n");
         }
@@ -326,16 +327,12 @@ impl Shaders {
             Some(Layout::new(&shader.module, payload.ty?, Rules::Packed).describe())
         });
         if let Some(lines) = payloads.max_by_key(Vec::len) {
-            out.push_str(
-                "# The payload begins as zeros; `payload = { f32 = [...] }` gives it other words. It is:\n",
-            );
+            out.push_str("# The payload starts as zeros; set it with `payload = { f32 = [...] }`. It is:\n");
             for line in lines {
                 let _ = writeln!(out, "#{line}");
             }
         }
-        out.push_str(
-            "# Recorded from a first run, not derived: is it right? Then say why, with `because`.\n",
-        );
+        out.push_str("# Recorded from a first run, not derived: check it, and explain it with `because`.\n");
         out.push_str("[ray.expect]\n");
         out
     }

@@ -209,7 +209,7 @@ impl Instance {
     /// transform beside a motion.
     pub(super) fn make(self) -> Result<accel::TlasInstance> {
         if self.motion.is_some() && self.transform != IDENTITY {
-            let message = "an instance with a motion has a transform, too, which would be ignored";
+            let message = "an instance with a motion also has a transform, which would be ignored";
             return Err(Error::new(ErrorKind::InvalidScene, message).note(
                 "leave out `.transform` and `.translate`: the two keys of `Motion` place the instance",
             ));

@@ -170,9 +170,9 @@ impl Layout<'_> {
         let message = if let Some(why) = why {
             format!("{what}: {why}")
         } else if stride.is_none() && rust.size == self.size() {
-            format!("{what}: the scalars of `{}` are not those of the shader's {name}", rust.name)
+            format!("{what}: the scalars of `{}` differ from those of the shader's {name}", rust.name)
         } else {
-            format!("{what}: `{}` has {} bytes, the shader's {name} {wanted}", rust.name, rust.size)
+            format!("{what}: `{}` has {} bytes, but the shader's {name} has {wanted}", rust.name, rust.size)
         };
         let heads = [
             format!("{name} in the shader: {wanted}"),

@@ -121,10 +121,10 @@ impl LoadedScene {
         match size.or_else(unbound) {
             Some(size) if size != given.bytes.len() as u64 => {
                 let message = format!(
-                    "the buffer `{name}` has {size} bytes in the scene, and `{}` {}",
+                    "the buffer `{name}` has {size} bytes in the scene, but `{}` has {}",
                     given.rust.name, given.rust.size
                 );
-                Err(invalid(message).note("`set_buffer_bytes` gives it another size"))
+                Err(invalid(message).note("change its size with `set_buffer_bytes`"))
             }
             _ => self.change(Change::Buffer(name.to_owned(), given)),
         }
@@ -313,9 +313,7 @@ impl LoadedScene {
     /// As [`LoadedScene::open`], and `InvalidArgument` for a scene without a ray generation shader.
     pub fn set_launch_size(&mut self, size: [u32; 2]) -> Result<&mut Self> {
         if self.scene.all_pipelines().all(|pipeline| pipeline.sbt.raygen.is_empty()) {
-            return Err(invalid(
-                "the scene has no launch that could have a size: it has dispatches alone".into(),
-            ));
+            return Err(invalid("the scene has no launch to resize, only dispatches".into()));
         }
         let options = LoadOptions { size: Some(size), ..self.options.clone() };
         let mut scene = self.source.read(&options)?;

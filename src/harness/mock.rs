@@ -234,7 +234,7 @@ pub(super) fn in_turn<C: 'static, T: NoUninit + Debug>(
             Some(answer) => data.take(answer),
             None => {
                 let message = format!(
-                    "the shader makes {what} {}, and there are {} answers",
+                    "the shader makes {what} {}, but there are only {} answers",
                     number + 1,
                     answers.len()
                 );

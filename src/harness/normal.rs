@@ -37,7 +37,7 @@ pub fn difference(found: [f64; 3], exact: [f32; 3], degrees: f64) -> Option<Stri
         Some(angle) if 180.0 - angle <= degrees.min(90.0) => {
             Some(format!("{exact_words}: it points away from the ray, to the other side of the surface"))
         }
-        Some(angle) => Some(format!("{exact_words}, {angle:.3} degrees away and {degrees} allowed")),
+        Some(angle) => Some(format!("{exact_words}, {angle:.3} degrees away (allowed: {degrees})")),
         None => Some(format!("{exact_words}, which has no direction")),
     }
 }
@@ -115,7 +115,7 @@ mod tests {
         assert_eq!(difference([0.0, 0.0, 1.0], up, 0.0), None);
         assert!(difference([0.0, 0.0, -1.0], up, 0.01).is_some_and(|words| words.contains("other side")));
         let leaning = difference([0.1, 0.0, 1.0], up, 1.0).expect("a difference");
-        assert!(leaning.contains("5.711 degrees away and 1 allowed"), "{leaning}");
+        assert!(leaning.contains("5.711 degrees away (allowed: 1)"), "{leaning}");
         assert_eq!(difference([0.1, 0.0, 1.0], up, 6.0), None);
     }
 }

@@ -168,18 +168,18 @@ impl Tolerance {
             Self::Exact if scalar == NumberType::F32 => {
                 let steps = ulp::ulps(f32::from_bits(bits as u32), f32::from_bits(found as u32));
                 match steps {
-                    0 if value == exact => ": zeros of two signs, alike with `absolute = 0.0`".into(),
+                    0 if value == exact => ": zeros of opposite sign, which `absolute = 0.0` accepts".into(),
                     0 | u32::MAX => String::new(),
                     steps => format!(", {steps} floats away"),
                 }
             }
             Self::Exact => String::new(),
             Self::Ulp(bound) => {
-                format!(", {:.3} ulp away and {bound} allowed", distance / ulp_of(scalar, exact))
+                format!(", {:.3} ulp away (allowed: {bound})", distance / ulp_of(scalar, exact))
             }
-            Self::Absolute(bound) => format!(", {distance:e} away and {bound:e} allowed"),
+            Self::Absolute(bound) => format!(", {distance:e} away (allowed: {bound:e})"),
             Self::Relative(bound) => {
-                format!(", {:e} of it away and {bound:e} allowed", distance / exact.abs())
+                format!(", a relative difference of {:e} (allowed: {bound:e})", distance / exact.abs())
             }
         };
         let wanted = if is_beyond { format!("{exact:?}") } else { scalar.describe(bits) };
@@ -209,7 +209,7 @@ impl Tolerance {
             Self::Relative(bound) => bound * size,
         };
         let holds = wanted == Ok(found) || distance.is_finite() && distance <= bound;
-        (!holds).then(|| format!("expected {text}, found {found}, {distance} away and {bound} allowed"))
+        (!holds).then(|| format!("expected {text}, found {found}, {distance} away (allowed: {bound})"))
     }
 }
 

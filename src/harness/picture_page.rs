@@ -48,7 +48,8 @@ impl ChosenPixels {
         }
         let (all, explained) = (number(count as f64), pixels.len());
         let which = format!(
-            "{explained} of {all} pixels: every {step}th of every {step}th row, those asked for and the worst"
+            "{explained} of {all} pixels: every {step}th of every {step}th row, the requested ones and \
+             the worst"
         );
         Self { pixels, which }
     }
@@ -99,7 +100,7 @@ pub fn heat_facts(heat: &Heat) -> Vec<String> {
         HeatMeasure::Divergence | HeatMeasure::Ulps => format!("mean {mean}"),
         _ => format!("total {}, mean {mean}", number(heat.total())),
     };
-    vec![sum, format!("least {least}, median {median}, 90 % {most_of_90}, 99 % {most_of_99}, most {most}")]
+    vec![sum, format!("min {least}, median {median}, 90 % {most_of_90}, 99 % {most_of_99}, max {most}")]
 }
 
 /// The layer of a page for a heat map.
@@ -128,9 +129,9 @@ pub fn comparison(compared: &PictureDifference) -> Result<(Vec<PagePicture>, Pag
     let extent = compared.found.extent;
     let most = worst.first().map_or(0.0, |(_, most)| *most);
     let map = HeatMap { extent, values: &distances, top: most, scale: HeatScale::Linear };
-    let mut layer = PageLayer::new("difference", "greatest difference of a channel, of 255", &map)?;
+    let mut layer = PageLayer::new("difference", "greatest difference in a channel, out of 255", &map)?;
     let all = number(distances.len() as f64);
-    layer.facts = vec![format!("{} of {all} pixels differ, at most by {most}", number(count as f64))];
+    layer.facts = vec![format!("{} of {all} pixels differ, by at most {most}", number(count as f64))];
     layer.worst = worst;
     Ok((pictures, layer))
 }

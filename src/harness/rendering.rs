@@ -27,7 +27,7 @@ pub fn differences(loaded: &Loaded, observed: &Observed, is_variant: bool) -> Re
     }
     let report = observed.trap.as_ref().map(Error::render).unwrap_or_default();
     for (name, what, text) in [
-        ("expect.stdout", "what the shaders print", Some(&observed.printed)),
+        ("expect.stdout", "the text printed by the shaders", Some(&observed.printed)),
         ("expect.stderr", "the report of the trap", Some(&report).filter(|_| !is_variant)),
     ] {
         if let (Some(path), Some(text)) = (beside(name), text) {
@@ -64,7 +64,7 @@ fn text_difference(loaded: &Loaded, path: PathBuf, what: &str, text: &str) -> Re
     if expected == text {
         return Ok(None);
     }
-    let mut difference = differs(&path, format!("{what} is another"));
+    let mut difference = differs(&path, format!("{what} differs"));
     difference.error = difference.error.note_lines(printed_diff(&expected, text));
     difference.fix = Some(Fix::File(path, text.as_bytes().to_vec()));
     Ok(Some(difference))
@@ -78,7 +78,7 @@ fn picture_difference(loaded: &Loaded, observed: &Observed, path: PathBuf) -> Re
     });
     let Some((bytes, (image, encoding))) = image.and_then(|bytes| Some((bytes, bytes.image.as_ref()?)))
     else {
-        let message = "the scene has no output image: give one storage image `output = true`";
+        let message = "the scene has no output image: set `output = true` on one storage image";
         return Ok(Some(differs(&path, message.into())));
     };
     let found = Picture::of(image);
@@ -89,7 +89,8 @@ fn picture_difference(loaded: &Loaded, observed: &Observed, path: PathBuf) -> Re
         Ok(expected) if expected.extent == found.extent => expected,
         Ok(expected) => {
             let [[a, b], [c, d]] = [expected.extent, found.extent];
-            let mut difference = differs(&path, format!("`{}` is {c} x {d}, the file {a} x {b}", bytes.name));
+            let mut difference =
+                differs(&path, format!("`{}` is {c} x {d}, but the file is {a} x {b}", bytes.name));
             difference.fix = Some(renewed);
             return Ok(Some(difference));
         }

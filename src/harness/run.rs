@@ -119,9 +119,9 @@ pub fn costs(assembled: &Assembled) -> Result<Costs> {
 
 fn costs_of(launch: &Launch<'_>, size: [u32; 3]) -> Result<Costs> {
     if launch.pipeline.uses_subgroups() && launch.pipeline.subgroup_size > 1 {
-        let message = "what single rays cost, of a pipeline with subgroup instructions";
+        let message = "the cost of single rays cannot be counted in a pipeline with subgroup instructions";
         return Err(Error::new(ErrorKind::UnsupportedModule, message)
-            .note("set the subgroup size to 1 to count each invocation by itself"));
+            .note("set the subgroup size to 1 to count each invocation separately"));
     }
     let run = |meter: &mut Meter, id: [u32; 3]| {
         meter.begin(Some(id));

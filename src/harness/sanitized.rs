@@ -199,7 +199,8 @@ pub fn sanitize_one(
     let reference = assembled.for_sanitizer()?;
     let single = reference.single_launch(which.pass.as_deref())?;
     if single.pipeline.uses_subgroups() && single.pipeline.subgroup_size > 1 {
-        let message = "a single invocation under the sanitizer, of a pipeline with subgroup instructions";
+        let message =
+            "a single invocation of a pipeline with subgroup instructions cannot run under the sanitizer";
         return Err(Error::new(ErrorKind::UnsupportedModule, message)
             .note("run the whole launch, or set the subgroup size to 1"));
     }

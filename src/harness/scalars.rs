@@ -141,7 +141,7 @@ impl Placement<'_> {
             }
             _ => {
                 let (ty, wanted) = (module.describe_type(layout.ty), rust_type(layout));
-                let message = format!("{}{path} is {ty}, which takes {wanted}", self.what);
+                let message = format!("{}{path} is {ty}, which requires {wanted}", self.what);
                 Err(invalid(format!("{message}, not {}", value.describe())))
             }
         }

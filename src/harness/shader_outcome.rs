@@ -120,7 +120,7 @@ impl ShaderOutcome {
         let wrong = |message: String| Error::new(ErrorKind::InvalidArgument, message);
         let exact = self.exact_normal().ok_or_else(|| {
             let message =
-                "an exact normal is known of triangles, spheres and linear swept spheres that are hit";
+                "an exact normal is known only for hits of triangles, spheres and linear swept spheres";
             wrong(message.to_owned())
         })?;
         let (found, _) = vector_at(&self.payload, Some(member)).map_err(wrong)?;

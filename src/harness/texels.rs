@@ -126,7 +126,7 @@ impl Texels {
                 Class::Uint => "unsigned integers",
             };
             panic!(
-                "`{method}` reads {}, and the image has the format {}, of {}: call `{}`",
+                "`{method}` reads {}, but the image has the format {}, of {}: call `{}`",
                 kind(class),
                 format.name(),
                 kind(format.class()),
@@ -140,7 +140,7 @@ impl Texels {
     fn assert_narrow(&self, method: &str, wide: &str) {
         let format = self.image.format();
         if format.is_wide() && exact_getter(format) == wide {
-            panic!("`{method}` reads 32 bits, and the image has the format {}: call `{wide}`", format.name());
+            panic!("`{method}` reads 32 bits, but the image has the format {}: call `{wide}`", format.name());
         }
     }
 }

@@ -389,7 +389,7 @@ impl Pipeline {
         } else if let Some((program, registers)) = self.largest_payload()
             && operands.payload.len() != words
         {
-            let given = RustLayout::untold("the payload given".into(), operands.payload.len() * 4);
+            let given = RustLayout::untold("the given payload".into(), operands.payload.len() * 4);
             return Err(layout(program, registers).mismatch("the payload", &given, None));
         }
         operands.trace.flags.check_known().map_err(|message| {

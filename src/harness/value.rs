@@ -201,8 +201,11 @@ impl Value {
 
     fn mismatch<T>(&self, what: &str) -> Error {
         let (name, size) = (std::any::type_name::<T>(), size_of::<T>());
-        let message =
-            format!("{what} of `{name}`, of {size} bytes, is not the {} of {}", self.ty, self.bytes.len());
+        let message = format!(
+            "{what} of `{name}`, of {size} bytes, does not match the {} of {}",
+            self.ty,
+            self.bytes.len()
+        );
         let error = Error::new(ErrorKind::InvalidArgument, message);
         error.note(format!("{name} in Rust: {size} bytes")).note(format!("in the shader: {self:?}"))
     }

@@ -191,7 +191,10 @@ mod tests {
         let error = module.specialize_bits(9, 0).unwrap_err();
         assert_eq!(error.kind(), ErrorKind::InvalidArgument);
         assert_eq!(error.message(), "the module has no specialization constant 9");
-        assert_eq!(error.notes(), ["it has 3 (uint `samples`), 4 (bool), 5 (uint64_t)"]);
+        assert_eq!(
+            error.notes(),
+            ["its specialization constants: 3 (uint `samples`), 4 (bool), 5 (uint64_t)"]
+        );
     }
 
     #[test]

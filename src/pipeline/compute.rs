@@ -462,9 +462,9 @@ impl Compute {
     ) -> Result<Stats> {
         self.check_size(groups)?;
         if self.program.uses_subgroups && self.subgroup_size > 1 {
-            let message = "observing single invocations of a shader with subgroup instructions";
+            let message = "single invocations of a shader with subgroup instructions cannot be observed";
             return Err(Error::new(ErrorKind::UnsupportedModule, message)
-                .note("set the subgroup size to 1 to run each invocation by itself"));
+                .note("set the subgroup size to 1 to run each invocation separately"));
         }
         let bindings = resources.bindings(self.program.bindings());
         let count = groups.iter().map(|&side| u64::from(side)).product::<u64>();

@@ -166,12 +166,12 @@ fn a_geometry_of_several_primitives_says_which() {
     };
     let all = mistake(&geometry("type = 'gltf'\nfile = 'room.gltf'"));
     assert!(all.contains("the file has 3 primitives, but a geometry holds one"), "{all}");
-    assert!(all.contains("there are: floor, lamp (2 primitives)"), "{all}");
+    assert!(all.contains("available: floor, lamp (2 primitives)"), "{all}");
     assert!(all.contains("select one with `mesh` and `primitive`, merge all with `merge = true`"), "{all}");
     let lamp = mistake(&geometry("type = 'gltf'\nfile = 'room.gltf'\nmesh = 'lamp'"));
     assert!(lamp.contains("`lamp` has 2 primitives, but a geometry holds one"), "{lamp}");
     let house = mistake(&geometry("type = 'obj'\nfile = 'house.obj'"));
-    assert!(house.contains("there are: house (2 primitives), roof"), "{house}");
+    assert!(house.contains("available: house (2 primitives), roof"), "{house}");
     let beyond = mistake(&geometry("type = 'gltf'\nfile = 'room.gltf'\nmesh = 'lamp'\nprimitive = 2"));
     assert!(beyond.contains("primitive 2 is out of range: there are 2 (counted from 0)"), "{beyond}");
     assert_eq!(count("type = 'gltf'\nfile = 'room.gltf'\nmerge = true"), 3);
@@ -374,7 +374,7 @@ fn mistakes_in_pieces_list_what_there_is() {
     }
     let unknown = of("{ mesh = 'flor', attribute = 'normal' }");
     assert!(unknown.contains("no mesh is named `flor`"), "{unknown}");
-    assert!(unknown.contains("there are: floor, lamp, lamp.0, lamp.1"), "{unknown}");
+    assert!(unknown.contains("available: floor, lamp, lamp.0, lamp.1"), "{unknown}");
     assert!(of("{ mesh = 'floor' }").contains("needs one of `attribute`, `table` and `material`"));
     assert!(of("{ table = 'materials' }").contains("`mesh` is missing"));
     let stride = of("{ mesh = 'floor', attribute = 'normal', stride = 8 }");

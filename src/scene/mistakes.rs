@@ -142,7 +142,7 @@ fn names_that_nothing_has() {
     one_mistake(
         "[geometry.grass]\ntype = 'plane'\n[[instance]]\ngeometry = 'gras'\n",
         "s/a.toml:5:12",
-        &["no geometry is named `gras`", "did you mean `grass`?", "there are: grass"],
+        &["no geometry is named `gras`", "did you mean `grass`?", "available: grass"],
     );
     one_mistake(
         "[shaders]\nall = 'm.spv'\n[pipeline]\nhit = [{ any_hit = 'al:ah' }]\n",

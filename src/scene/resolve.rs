@@ -461,7 +461,7 @@ mod tests {
         for (more, told) in [
             ("[[pass]]\ngroups = 1\n", "a pass must be either a launch (`pipeline`, `raygen`) or a dispatch"),
             ("[[pass]]\nraygen = 'all:fist'\n", "the pipeline has no `raygen` named `all:fist`"),
-            ("[[pass]]\nraygen = 'x'\n", "there are: all:first"),
+            ("[[pass]]\nraygen = 'x'\n", "available: all:first"),
             (
                 "[[pass]]\nraygen = 'all:first'\n[[dispatch]]\nshader = 'all'\n",
                 "`[[pass]]` and `[[dispatch]]` exclude each other",

@@ -68,12 +68,15 @@ fn trapped_pass(loaded: &Loaded) -> Option<usize> {
 
 /// The note on the last write, where `was_unchanged` says that it left what was there before.
 fn last_write(line: Option<&TranscriptLine>, shader: &str, was_unchanged: bool) -> String {
-    let unchanged = if was_unchanged { ", with the value that it had before," } else { "" };
+    let unchanged = if was_unchanged { ", with an unchanged value," } else { "" };
     match line {
         Some(TranscriptLine { file, line, text }) => {
             let text = text.as_ref().map_or_else(String::new, |text| format!(": {text}"));
             format!("last written{unchanged} at {file}:{line}{text}")
         }
-        None => format!("last written{unchanged} by {shader}, whose module has no lines: compile it with -g"),
+        None => format!(
+            "last written{unchanged} by {shader}, whose module has no line information: \
+            compile it with -g"
+        ),
     }
 }

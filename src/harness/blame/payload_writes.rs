@@ -134,7 +134,7 @@ impl<'a> PayloadFinder<'a> {
 
     fn into_blame(self) -> Blame {
         let Some(PayloadWrite { shader, op, was_unchanged }) = self.last else {
-            let note = "never written: the shaders that ran leave it as the ray's payload began";
+            let note = "never written: it still has the initial value of the ray's payload";
             return Blame { notes: vec![note.to_owned()], ..Blame::default() };
         };
         let program = &self.pipeline.programs[shader.index()];

@@ -409,7 +409,8 @@ impl<'a> Search<'a> {
         if let Some((pass, count)) = self.unobserved {
             let label = self.loaded.assembled.passes[pass].label(pass);
             let note = format!(
-                "written in pass {label}, by one of its {count} invocations: too many to search for it (the most are {MAX_INVOCATIONS})"
+                "written in pass {label}, by one of its {count} invocations: too many to search (the \
+                 limit is {MAX_INVOCATIONS})"
             );
             let request =
                 self.guess(pass, &self.loaded.assembled.resources).map(|id| request(self.loaded, pass, id));

@@ -25,7 +25,8 @@ impl Merge {
     /// # Errors
     /// What differs, in words, where that is more than recorded values.
     pub(super) fn of(before: &str, now: &str) -> Result<Self, String> {
-        let parsed = |text| Document::parse("", text).map_err(|_| "it is not TOML any more".to_owned());
+        let parsed =
+            |text| Document::parse("", text).map_err(|_| "the file is no longer valid TOML".to_owned());
         let (before, now) = (parsed(before)?, parsed(now)?);
         let mut merge = Self { places: SortedMap::new() };
         merge.compare(before.node(), now.node(), false, "")?;
@@ -44,7 +45,7 @@ impl Merge {
         recorded: bool,
         name: &str,
     ) -> Result<(), String> {
-        let differs = || Err(format!("`{name}` is another"));
+        let differs = || Err(format!("`{name}` changed"));
         match (&before.value, &now.value) {
             (Toml::Table(old), Toml::Table(new)) => {
                 let is_filled = old.is_empty() && !new.is_empty();
@@ -75,13 +76,13 @@ impl Merge {
         name: &str,
     ) -> Result<(), String> {
         if before.len() != now.len() {
-            return Err(format!("`{name}` has other keys"));
+            return Err(format!("the keys of `{name}` changed"));
         }
         for member in before {
             let key = &member.key;
             let name = if name.is_empty() { key.clone() } else { format!("{name}.{key}") };
             let Some(other) = now.iter().find(|other| other.key == *key) else {
-                return Err(format!("`{name}` is not there any more"));
+                return Err(format!("`{name}` was removed"));
             };
             let by_hand = WRITTEN_BY_HAND.contains(&key.as_str());
             self.compare(&member.node, &other.node, (recorded || key == EXPECT) && !by_hand, &name)?;

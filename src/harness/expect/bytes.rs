@@ -84,8 +84,11 @@ impl BytesExpectation {
             for (position, expected) in element.iter().enumerate() {
                 let offset = first + position * scalar.size();
                 let Some(bits) = scalar.load(&found.bytes, offset) else {
-                    let message =
-                        format!("byte {offset} of `{}`, which has {}", found.name, found.bytes.len());
+                    let message = format!(
+                        "byte {offset} is past the end of `{}`, which has {}",
+                        found.name,
+                        found.bytes.len()
+                    );
                     all.push(Difference::new(&expected.span, message, because));
                     differences.extend(all);
                     return;
@@ -118,12 +121,13 @@ impl BytesExpectation {
     fn first_texel(&self, found: &Bytes) -> Result<usize> {
         let Some(Spanned { value, span }) = &self.at else { return Ok(0) };
         let Some([width, texel]) = found.row else {
-            return Err(span.error("`at` is a texel of an image; a buffer has an `offset` in bytes"));
+            return Err(span.error("`at` selects a texel of an image: use `offset`, in bytes, for a buffer"));
         };
         let [x, y] = value.map(|side| side as usize);
         let height = found.bytes.len() / (width * texel).max(1);
         if x >= width || y >= height {
-            let message = format!("texel ({x}, {y}) of `{}`, which has {width} x {height}", found.name);
+            let message =
+                format!("texel ({x}, {y}) is outside `{}`, which has {width} x {height}", found.name);
             return Err(span.error(message));
         }
         Ok((y * width + x) * texel)

@@ -79,7 +79,7 @@ impl Difference {
         let error = name.span.error_with(message, label.unwrap_or_default());
         let known: Vec<_> = known.map(|name| format!("`{name}`")).collect();
         let known = if known.is_empty() { "none".into() } else { known.join(", ") };
-        Self::of(error.note(format!("there are: {known}")))
+        Self::of(error.note(format!("available: {known}")))
     }
 
     /// Differences as one error; there must be some.

@@ -172,7 +172,7 @@ impl Expectations {
         match &self.known_failure {
             Some(_) if !found.is_empty() => Vec::new(),
             Some(reason) => {
-                let message = "this known failure passes: take it out";
+                let message = "this known failure passes: remove `known_failure`";
                 vec![Difference::new(&reason.span, message, Some(&reason.value))]
             }
             None => found,

@@ -49,7 +49,7 @@ impl NormalExpectation {
         let degrees: Option<Spanned<f64>> = table.optional("normal_degrees");
         let space: Option<Spanned<Space>> = table.optional("normal_space");
         if let Some(degrees) = degrees.as_ref().filter(|degrees| !(0.0..=180.0).contains(&degrees.value)) {
-            table.report().push(degrees.span.error("an angle is from 0 to 180 degrees"));
+            table.report().push(degrees.span.error("an angle must be from 0 to 180 degrees"));
             return None;
         }
         let Some(wanted) = wanted else {
@@ -60,7 +60,7 @@ impl NormalExpectation {
             ];
             let alone = spans.into_iter().flatten().next();
             if let Some(span) = alone.filter(|_| !table.has_name("normal")) {
-                table.report().push(span.error("this goes with `normal = \"exact\"`"));
+                table.report().push(span.error("this requires `normal = \"exact\"`"));
                 return None;
             }
             return Some(None);
@@ -81,7 +81,7 @@ impl NormalExpectation {
         let hit = committed.candidate.hit_primitive();
         let Some(exact) = surface_normal(tlas, trace, hit) else {
             let why = if committed.candidate.is_box() {
-                "the surface in a box is what its intersection shader decides"
+                "the surface in an AABB is defined by its intersection shader"
             } else {
                 "the hit has none"
             };

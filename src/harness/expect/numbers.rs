@@ -77,7 +77,7 @@ impl TypedNumbers {
         let given: Vec<_> =
             SCALARS.iter().filter_map(|(key, scalar)| Some((scalar, table.value(key)?))).collect();
         let [(scalar, value)] = given[..] else {
-            table.report().push(table.span().error("numbers of one type are needed: `f32 = [...]`"));
+            table.report().push(table.span().error("expected numbers of one type: `f32 = [...]`"));
             return None;
         };
         let elements = match value.elements() {

@@ -62,7 +62,7 @@ impl Comparison<'_> {
             (Toml::Array(elements), None) if found.fields().next().is_none() => {
                 if elements.len() != found.elements().len() {
                     let message = format!(
-                        "{path}: {} has {} elements, here are {}",
+                        "{path}: {} has {} elements, found {}",
                         found.ty(),
                         found.elements().len(),
                         elements.len()

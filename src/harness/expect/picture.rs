@@ -54,7 +54,7 @@ impl Parse for PictureExpectation {
         let because = table.optional("because");
         table.finish();
         if let Some(similarity) = similarity.as_ref().filter(|one| !(0.0..=1.0).contains(&one.value)) {
-            let message = "`similarity` goes from 0 to 1, which is equal";
+            let message = "`similarity` must be from 0 to 1, where 1 means equal";
             table.report().push(similarity.span.error(message));
             return None;
         }
@@ -89,7 +89,7 @@ impl PictureExpectation {
             Err(error) => {
                 let fix = self.renewed(&path, &found, *encoding);
                 let error = error.at(self.file.span.place());
-                let error = if fix.is_some() { error.note("`--bless` writes it") } else { error };
+                let error = if fix.is_some() { error.note("write it with `--bless`") } else { error };
                 differences.push(Difference { fix, ..Difference::of(error) });
             }
         }
@@ -116,7 +116,7 @@ impl PictureExpectation {
         };
         if expected.extent != found.extent {
             let [[a, b], [c, d]] = [expected.extent, found.extent];
-            return Ok(Some(difference(format!("`{}` is {c} x {d}, the file {a} x {b}", bytes.name))));
+            return Ok(Some(difference(format!("`{}` is {c} x {d}, but the file is {a} x {b}", bytes.name))));
         }
         let is_float = expected.format.component == Component::Float32;
         let numbers = Numbers::of(&expected, found, encoding)?;
@@ -133,7 +133,7 @@ impl PictureExpectation {
                     let [x, y] = texel;
                     let all = u64::from(expected.extent[0]) * u64::from(expected.extent[1]);
                     let message = format!(
-                        "`{}`: {count} of {all} texels differ, most the one at ({x}, {y}): {words}",
+                        "`{}`: {count} of {all} texels differ, most at ({x}, {y}): {words}",
                         bytes.name
                     );
                     (message, texel)
@@ -144,8 +144,10 @@ impl PictureExpectation {
                 if rmse <= limit.value {
                     return Ok(None);
                 }
-                let message =
-                    format!("`{}`: the RMSE is {rmse:.6}, and {} is allowed", bytes.name, limit.value);
+                let message = format!(
+                    "`{}`: the RMSE is {rmse:.6}, but at most {} is allowed",
+                    bytes.name, limit.value
+                );
                 (message, numbers.worst())
             }
             Measure::Similarity(limit) => {
@@ -155,7 +157,7 @@ impl PictureExpectation {
                 }
                 let (name, limit) = (&bytes.name, limit.value);
                 let message =
-                    format!("`{name}`: the similarity is {alike:.6}, and at least {limit} is asked for");
+                    format!("`{name}`: the similarity is {alike:.6}, but at least {limit} is required");
                 (message, numbers.worst())
             }
         };

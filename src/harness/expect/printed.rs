@@ -33,7 +33,7 @@ impl PrintedExpectation {
             return;
         }
         let because = self.because.as_ref();
-        let message = "the shaders print something else";
+        let message = "the shaders print different text";
         let mut difference = Difference::new(&self.text.span, message, because).mended(
             &self.text.span,
             literal(found),

@@ -138,7 +138,7 @@ impl OneRay {
         match &self.rest.known_failure {
             Some(_) if !found.is_empty() => Vec::new(),
             Some(reason) => {
-                let message = "this known failure passes: take it out";
+                let message = "this known failure passes: remove `known_failure`";
                 vec![Difference::new(&reason.span, message, Some(&reason.value))]
             }
             None => found,
@@ -166,10 +166,10 @@ impl OneRay {
             true => format!("{{ {} }}", lines.join(", ")),
             false => format!("{text}\n{}", lines.join("\n")),
         };
-        let message = "nothing is expected of this ray yet";
+        let message = "this ray has no expectations yet";
         let mut difference = Difference::new(&self.span, message, None);
         difference.fix = Some(Fix::Text(self.span.clone(), text));
-        let hint = "`--bless` writes what it finds; or write `miss = true`, `t = ...`, `payload = { ... }`";
+        let hint = "record the result with `--bless`, or write `miss = true`, `t = ...`, `payload = { ... }`";
         difference.error = difference.error.note(hint);
         difference
     }

@@ -61,7 +61,7 @@ impl TrapExpectation {
         let empty =
             self.code.value.0 == TrapCode::ShaderRecordMissing && code == Some(TrapCode::ShaderRecordEmpty);
         if !empty && code != Some(self.code.value.0) {
-            let message = format!("another trap: {error}");
+            let message = format!("different trap: {error}");
             let mut difference = Difference::new(&self.code.span, message, because).about(invocation(error));
             if let Some(code) = code {
                 difference = difference.mended(&self.code.span, format!("\"{}\"", code.name()), because);
@@ -73,7 +73,7 @@ impl TrapExpectation {
         if let Some(id) = &self.launch_id
             && trap.launch_id != id.value
         {
-            let message = format!("another invocation trapped: {error}");
+            let message = format!("a different invocation trapped: {error}");
             let difference = Difference::new(&id.span, message, because)
                 .mended(&id.span, format!("{:?}", trap.launch_id), because)
                 .about(Subject::Invocation(trap.launch_id));
@@ -82,7 +82,8 @@ impl TrapExpectation {
         if let Some(line) = &self.line
             && trap.line() != Some(line.value)
         {
-            let mut difference = Difference::new(&line.span, format!("trapped elsewhere: {error}"), because);
+            let mut difference =
+                Difference::new(&line.span, format!("trapped at a different line: {error}"), because);
             if let Some(other) = trap.line() {
                 difference = difference.mended(&line.span, other.to_string(), because);
             }

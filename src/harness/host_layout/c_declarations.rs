@@ -325,7 +325,7 @@ impl CDeclarations {
         match align {
             0 => Ok(1),
             _ if align.is_power_of_two() && align <= 1 << 28 => Ok(align),
-            _ => Err(self.error(format!("{align} is no alignment: it has to be a power of two"))),
+            _ => Err(self.error(format!("the alignment {align} is not a power of two"))),
         }
     }
 
@@ -349,7 +349,7 @@ impl CDeclarations {
         }
         let start = self.at;
         let mut found = Specifier {
-            ty: Err(self.error("a type is expected here")),
+            ty: Err(self.error("expected a type")),
             is_static: false,
             align: 1,
             is_nameless: false,
@@ -400,7 +400,7 @@ impl CDeclarations {
             () if has("short") => (ScalarClass::Integer, 2),
             () if longs >= 2 => (ScalarClass::Integer, 8),
             () if has("double") || longs == 1 => {
-                let message = format!("`{}` has another size on Windows than on Linux", words.join(" "));
+                let message = format!("the size of `{}` differs between Windows and Linux", words.join(" "));
                 return Err(self
                     .error_at(at, message)
                     .note("help: use a type of fixed width, such as `int64_t`"));
@@ -684,8 +684,10 @@ impl CDeclarations {
                 ty = self.lengths(ty, depth)?;
                 align = align.max(self.attributes(depth)?.align);
                 if self.is(":") {
-                    let error = self
-                        .error_at(at, format!("the place of the bit-field `{name}` depends on the compiler"));
+                    let error = self.error_at(
+                        at,
+                        format!("the position of the bit-field `{name}` depends on the compiler"),
+                    );
                     ty = Err(error.note("help: declare the integer that holds it"));
                 }
                 self.skip_to_end_of_declarator();
@@ -725,7 +727,7 @@ impl CDeclarations {
             let length = self.expression(1, depth);
             let length = length.and_then(|length| {
                 usize::try_from(length)
-                    .map_err(|_| self.error_at(at, format!("{length} is no length of an array")))
+                    .map_err(|_| self.error_at(at, format!("{length} is not a valid array length")))
             });
             lengths.push(length.map(Some));
             while !matches!(self.text(), "]" | ";" | "") {

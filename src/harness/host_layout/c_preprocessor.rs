@@ -73,7 +73,7 @@ pub(super) fn preprocess(file: &SourceFile) -> Result<Vec<PackedToken>> {
             }
             "elif" | "else" | "elifdef" | "elifndef" => {
                 let Some(condition) = conditions.last_mut() else {
-                    return Err(error(file, directive, "there is no `#if` before it"));
+                    return Err(error(file, directive, "no `#if` precedes it"));
                 };
                 let holds = !condition.is_done
                     && match directive.text.as_str() {
@@ -86,7 +86,7 @@ pub(super) fn preprocess(file: &SourceFile) -> Result<Vec<PackedToken>> {
                 condition.is_done |= holds;
             }
             "endif" => {
-                let without_if = || error(file, directive, "there is no `#if` before it");
+                let without_if = || error(file, directive, "no `#if` precedes it");
                 conditions.pop().ok_or_else(without_if)?;
             }
             _ if !is_active => {}
@@ -107,7 +107,7 @@ pub(super) fn preprocess(file: &SourceFile) -> Result<Vec<PackedToken>> {
                 let words: Vec<&str> = rest.iter().map(|token| token.text.as_str()).collect();
                 let number = words.iter().find_map(|word| word.parse::<usize>().ok());
                 if number.is_some_and(|number| !number.is_power_of_two() || number > 16) {
-                    return Err(error(file, directive, "`#pragma pack` takes 1, 2, 4, 8 or 16"));
+                    return Err(error(file, directive, "`#pragma pack` requires 1, 2, 4, 8 or 16"));
                 }
                 if words.contains(&"push") {
                     stack.push(pack);

@@ -289,7 +289,7 @@ impl LayoutComparison {
         if !strides.is_empty() && !strides.contains(&(size as u32)) {
             let stride = strides[0] as usize;
             let message = format!(
-                "elements of `{}` are {stride} bytes apart in the shader, and `{}` has {size} bytes",
+                "elements of `{}` are {stride} bytes apart in the shader, but `{}` has {size} bytes",
                 shader.name, host.name
             );
             return Some(Difference { offset: size.min(stride), message, help: stride_help(stride, size) });
@@ -371,9 +371,9 @@ impl LayoutComparison {
             Some(other) if other.is_padding => format!(", where `{}` has padding", self.host.name),
             Some(other) => format!(", within `{}` of `{}`", other.name, self.host.name),
             None if scalar.offset >= self.host.size => {
-                format!(", behind the end of `{}` ({} bytes)", self.host.name, self.host.size)
+                format!(", past the end of `{}` ({} bytes)", self.host.name, self.host.size)
             }
-            None => format!(", where `{}` has none", self.host.name),
+            None => format!(", where `{}` has no member", self.host.name),
         };
         let message = format!("the shader has `{} {}` at byte {}{instead}", row.ty, row.name, row.offset);
         let help = format!("add `{}` to the host's struct at byte {}", row.name, row.offset);
@@ -389,9 +389,9 @@ impl LayoutComparison {
             return extent_differs(scalar.offset, other, row);
         }
         let place = if scalar.offset >= self.shader.size {
-            "behind the shader's last member"
+            "after the shader's last member"
         } else {
-            "where the shader has none"
+            "where the shader has no member"
         };
         let message =
             format!("`{}` has `{}` ({}) at byte {}, {place}", self.host.name, row.name, row.ty, row.offset);
@@ -422,7 +422,7 @@ impl LayoutComparison {
             kind(b),
             other.ty
         );
-        Difference { offset: a.offset, message, help: "give both the same type".into() }
+        Difference { offset: a.offset, message, help: "declare both with the same type".into() }
     }
 
     /// Reports bytes whose names belong elsewhere on the other side.
@@ -546,7 +546,8 @@ fn moved(offset: usize, row: &Row, other: &Row, host: &str) -> Difference {
     } else {
         let extra = other.offset - row.offset;
         format!(
-            "the host has {extra} bytes more before `{name}`: remove them (alignment of a type, padding, a member), or move the member in the shader"
+            "the host has {extra} more bytes before `{name}`: remove them (alignment of a type, padding, \
+             a member), or move the member in the shader"
         )
     };
     Difference { offset, message, help }
@@ -558,8 +559,8 @@ fn extent_differs(offset: usize, row: &Row, other: &Row) -> Difference {
         "`{}` is `{}` ({} bytes) in the shader and `{}` ({} bytes) in the host",
         row.name, row.ty, row.size, other.ty, other.size
     );
-    let help =
-        "give both as many elements, at the same stride: in std140 an array's elements are 16 bytes apart";
+    let help = "declare the same number of elements with the same stride: in std140, the elements of an array \
+         are 16 bytes apart";
     Difference { offset, message, help: help.into() }
 }
 

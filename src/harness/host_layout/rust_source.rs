@@ -25,7 +25,7 @@ impl RustItems {
     /// `InvalidSource` where it is not Rust.
     pub(super) fn parse(file: SourceFile) -> Result<Self> {
         let parsed = syn::parse_file(&file.text)
-            .map_err(|error| located(&file, error.span(), format!("this is not Rust: {error}")))?;
+            .map_err(|error| located(&file, error.span(), format!("invalid Rust: {error}")))?;
         let mut items = Self { file, items: HashMap::new(), names: Vec::new() };
         items.collect(parsed.items);
         Ok(items)
@@ -82,7 +82,7 @@ impl RustItems {
             }
             Item::Enum(item) => return self.enumeration(item),
             Item::Type(item) => return Ok(self.ty(&item.ty, depth)?.named(item.ident.to_string())),
-            _ => return Err(self.error(item, "this is no type")),
+            _ => return Err(self.error(item, "this is not a type")),
         };
         if !generics.params.is_empty() {
             return Err(self
@@ -108,7 +108,8 @@ impl RustItems {
     fn enumeration(&self, item: &syn::ItemEnum) -> Result<HostType> {
         let name = item.ident.to_string();
         if item.variants.iter().any(|variant| !matches!(variant.fields, Fields::Unit)) {
-            return Err(self.error(&item.ident, format!("`{name}` is an enum with data: no shader has one")));
+            return Err(self
+                .error(&item.ident, format!("`{name}` is an enum with data, which shaders do not support")));
         }
         let repr = self.repr(&item.attrs)?;
         let size = repr.integer.or(repr.is_c.then_some(4)).ok_or_else(|| {
@@ -146,7 +147,7 @@ impl RustItems {
         if is_power(repr.align) && is_power(repr.pack) {
             return Ok(repr);
         }
-        Err(self.error(&attributes[0], "an alignment is a power of two, at most 2^29"))
+        Err(self.error(&attributes[0], "an alignment must be a power of two, at most 2^29"))
     }
 
     fn ty(&self, ty: &Type, depth: usize) -> Result<HostType> {

@@ -155,11 +155,11 @@ impl Shaders {
                     Some(other) => mismatch("hit attributes", [shader, other], class, class),
                     None => {
                         let message =
-                            format!("{}: no shader that is given reports its hit attributes", shader.label());
+                            format!("{}: no given shader reports its hit attributes", shader.label());
                         Error::new(ErrorKind::InvalidArgument, message)
                             .note(declaration(shader, class))
-                            .note("those of a triangle are a vec2, those of a linear swept sphere a float")
-                            .note("give the intersection shader, too")
+                            .note("triangles report a vec2, linear swept spheres a float")
+                            .note("add the intersection shader")
                     }
                 });
             }

@@ -51,7 +51,7 @@ pub fn scene(
         }
     }
     if file.exists() {
-        let message = format!("{} is there already", escape::path(&file));
+        let message = format!("{} already exists", escape::path(&file));
         return Err(Error::new(ErrorKind::InvalidArgument, message));
     }
     let mut shaders = Shaders::default();

@@ -61,7 +61,7 @@ impl BindingTable {
             names.dedup();
             let _ = writeln!(
                 table.comment,
-                "# {} of rays in {} are no constants: give the records that they ask for.",
+                "# {} of rays in {} are not constants: add the records that they select.",
                 unknown.join(" and "),
                 names.join(", ")
             );

@@ -191,7 +191,7 @@ fn record<'s>(scene: &'s mut ResolvedScene, wanted: &str) -> Result<&'s mut Reso
             return Err(unknown("shader record", wanted, names));
         }
         let message = format!("the scene has {} shader records `{wanted}`", found.len());
-        return Err(invalid(message).note("`name` of a record in the pipeline tells them apart"));
+        return Err(invalid(message).note("distinguish them by the `name` of each record in the pipeline"));
     };
     let [pipeline, table, place] = *at;
     let pipeline = scene.all_pipelines_mut().nth(pipeline);

@@ -114,9 +114,9 @@ impl ManySeeds {
     ) -> Result<Findings> {
         if self.seeds.is_empty() {
             let Range { start, end } = &self.seeds;
-            let message = format!("no seed is drawn: the range of seeds {start}..{end} is empty");
+            let message = format!("the range of seeds {start}..{end} is empty");
             return Err(Error::new(ErrorKind::InvalidArgument, message)
-                .note("ask for at least one seed: `many_seeds(8)`"));
+                .note("use at least one seed: `many_seeds(8)`"));
         }
         let runs = match Runs::new(scene, assembled, which, &self.levels) {
             Ok(runs) => runs,

@@ -43,10 +43,10 @@ impl DifferenceReport<'_> {
         let launch_id = first.map_or([0; 3], |(site, _)| site.launch_id);
         let message = match self.difference {
             RunDifference::Value { name, own, drawn } => {
-                format!("{name} is {own}, and {drawn} where {}", where_drawn(kind))
+                format!("{name} is {own}, but {drawn} when {}", where_drawn(kind))
             }
             RunDifference::Trap(trap) => {
-                format!("the run ends with a trap where {}: {}", where_drawn(kind), trap.message())
+                format!("the run ends with a trap when {}: {}", where_drawn(kind), trap.message())
             }
         };
         let mut error = Error::new(ErrorKind::Finding, message);
@@ -58,19 +58,25 @@ impl DifferenceReport<'_> {
             Some((site, Some(DrawnDetails::Order { part, unit, pair }))) => {
                 let [first, second] =
                     pair.map(|number| self.runs.name_of_unit(site.pass, *part, *unit, number));
-                error.note(format!("the difference is made by {first} coming before {second}"))
+                error.note(format!("the difference is caused by {first} running before {second}"))
             }
-            _ if self.is_one_by_one => {
-                error.note("it suffices that invocations run one after the other instead of side by side")
-            }
+            _ if self.is_one_by_one => error.note(
+                "the difference occurs whenever invocations run one after another instead of \
+                    side by side",
+            ),
             _ => error,
         };
         error = self.drawing.kinds.iter().skip(1).fold(error, |error, &other| {
-            error.note(format!("it takes several choices together: also that {}", where_drawn(other)))
+            error.note(format!(
+                "the difference requires several choices together; also: {}",
+                where_drawn(other)
+            ))
         });
         if self.draws.len() > 1 {
-            error = error
-                .note(format!("{} draws together make the difference; the first is told", self.draws.len()));
+            error = error.note(format!(
+                "{} draws together cause the difference; the first is shown",
+                self.draws.len()
+            ));
         }
         let (seed, command) = (self.drawing.seed, self.command);
         let drawn = |is_drawn: fn(ChoiceKind) -> bool| self.drawing.kinds.iter().any(|&kind| is_drawn(kind));
@@ -97,7 +103,7 @@ impl DifferenceReport<'_> {
         let ray = &drawn.ray.ray;
         let error = error.note(format!("the ray {} + t {}", triple(ray.origin), triple(ray.direction)));
         error
-            .note(format!("its hits in this crate's order: {}", self.hits(drawn, &drawn.own)))
+            .note(format!("its hits in anyhit's order: {}", self.hits(drawn, &drawn.own)))
             .note(format!("as drawn: {}", self.hits(drawn, &drawn.hits)))
     }
 
@@ -142,10 +148,10 @@ fn label(kind: ChoiceKind, op: Option<&Op>) -> &'static str {
         ChoiceKind::RobustTexel => "it reads outside its image here",
         ChoiceKind::UndefinedResult => "the result is undefined here",
         ChoiceKind::Contraction => "its product is not rounded here",
-        ChoiceKind::DotOrder => "its products are added otherwise here",
+        ChoiceKind::DotOrder => "its products are summed in another order here",
         ChoiceKind::Reassociation => "its operands are reordered here",
-        ChoiceKind::Division => "its quotient is rounded otherwise here",
-        ChoiceKind::FunctionPrecision => "it is less exact here",
+        ChoiceKind::Division => "its quotient is rounded differently here",
+        ChoiceKind::FunctionPrecision => "it is less accurate here",
         ChoiceKind::ZeroSign => "its zeros have another sign here",
         ChoiceKind::DenormalFlush => "its denormal numbers are flushed here",
         _ if matches!(op, Some(Op::Memory(MemoryOp::Undefine { .. }))) => "it is undefined from here on",
@@ -162,23 +168,25 @@ fn invocation(error: Error, program: &Program, site: &ChoiceSite) -> Error {
 /// What is different with a choice.
 fn where_drawn(kind: ChoiceKind) -> &'static str {
     match kind {
-        ChoiceKind::AnyHitOrder => "the hits of a ray come in another order",
-        ChoiceKind::AnyHitDuplicate => "a hit of a ray comes twice",
-        ChoiceKind::IntersectionRepeat => "the intersection shader of a box runs twice, or beside the box",
+        ChoiceKind::AnyHitOrder => "the hits of a ray are found in another order",
+        ChoiceKind::AnyHitDuplicate => "a hit of a ray is found twice",
+        ChoiceKind::IntersectionRepeat => {
+            "the intersection shader of an AABB runs twice, or for a ray that misses the AABB"
+        }
         ChoiceKind::TieOrder => "another of the hits at equal t is the closest",
         ChoiceKind::InvocationOrder => "invocations run in another order",
-        ChoiceKind::SubgroupComposition => "other invocations form a subgroup",
+        ChoiceKind::SubgroupComposition => "subgroups consist of other invocations",
         ChoiceKind::SubgroupSize => "subgroups have another size",
-        ChoiceKind::RobustRead => "a read outside its buffer gives another value",
-        ChoiceKind::UndefinedValue => "an undefined value is another one",
-        ChoiceKind::UndefinedResult => "an undefined result is another one",
-        ChoiceKind::WorkgroupMemory => "workgroup memory holds something else at the beginning",
-        ChoiceKind::RobustTexel => "a read outside its image gives another texel",
+        ChoiceKind::RobustRead => "a read outside its buffer returns another value",
+        ChoiceKind::UndefinedValue => "an undefined value differs",
+        ChoiceKind::UndefinedResult => "an undefined result differs",
+        ChoiceKind::WorkgroupMemory => "workgroup memory has other initial contents",
+        ChoiceKind::RobustTexel => "a read outside its image returns another texel",
         ChoiceKind::Contraction => "a product is added without being rounded",
-        ChoiceKind::DotOrder => "a dot product is added up in another way",
+        ChoiceKind::DotOrder => "a dot product is summed in another order",
         ChoiceKind::Reassociation => "a sum or product is calculated in another order",
-        ChoiceKind::Division => "a quotient is rounded otherwise",
-        ChoiceKind::FunctionPrecision => "a function is less exact",
+        ChoiceKind::Division => "a quotient is rounded differently",
+        ChoiceKind::FunctionPrecision => "a function is less accurate",
         ChoiceKind::ZeroSign => "a zero has the other sign",
         ChoiceKind::DenormalFlush => "denormal numbers are flushed to zero",
     }

@@ -190,7 +190,7 @@ impl<'a> Runs<'a> {
             }
             (None, _) => format!("invocation {number}"),
         };
-        if unit > 1 { format!("the {unit} invocations from {name} on") } else { name }
+        if unit > 1 { format!("the {unit} invocations starting at {name}") } else { name }
     }
 
     fn pass_work(&self, pass: u32) -> Option<&PassWork> {

@@ -101,7 +101,7 @@ impl UndefinedRegisters {
                     batch.registers[register].0[lane] = word;
                 }
             }
-            let what = || Some(format!("{} is read where nothing was written to it", self.name));
+            let what = || Some(format!("{} is read before anything is written to it", self.name));
             let (shader, op) = (choices.shader, self.told_at);
             choices.note(site, || DrawnDetails::Value { shader, op, what: what() });
         }

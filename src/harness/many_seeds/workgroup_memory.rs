@@ -70,7 +70,8 @@ impl SharedVariable {
                 workgroup.memory.store(offset, u32::BITS, word);
             }
         }
-        let what = || Some(format!("{} in workgroup memory is read where nobody wrote it", self.name));
+        let what =
+            || Some(format!("{} in workgroup memory is read before anything is written to it", self.name));
         let (shader, op) = (choices.shader, self.read);
         choices.note(site, || DrawnDetails::Value { shader, op, what: what() });
     }

@@ -45,7 +45,7 @@ impl HeatMeasure {
             Self::Nodes => "BVH nodes opened per pixel",
             Self::Primitives => "primitives tested per pixel",
             Self::AnyHit => "any-hit invocations per pixel",
-            Self::Divergence => "% of instructions in part of a subgroup",
+            Self::Divergence => "% of instructions executed by part of a subgroup",
             Self::Ulps => "error against f64, in ulps of f32",
         }
     }
@@ -85,8 +85,10 @@ impl LaunchCost {
     pub fn heat(&self, measure: HeatMeasure) -> Result<Heat> {
         if measure == HeatMeasure::Divergence && self.subgroup_size.is_none() {
             let message = "the divergence of this launch cannot be counted";
-            return Err(Error::new(ErrorKind::UnsupportedModule, message)
-                .note("its results depend on the order of invocations, so that they run one by one, or its subgroups have more than 64"));
+            return Err(Error::new(ErrorKind::UnsupportedModule, message).note(
+                "either its results depend on the order of invocations, which then run one by one, \
+                    or its subgroups have more than 64",
+            ));
         }
         Heat::new(measure, self.size, self.pixels.iter().filter_map(|pixel| measure.of(pixel)).collect())
     }
@@ -101,9 +103,9 @@ impl Heat {
         let [width, height, depth] = size;
         if depth != 1 {
             let message =
-                format!("a launch of {width} x {height} x {depth} has no heat map: it is no picture");
+                format!("a launch of {width} x {height} x {depth} has no heat map: its depth must be 1");
             return Err(Error::new(ErrorKind::InvalidArgument, message)
-                .note("`--profile` counts every launch, whatever its depth"));
+                .note("use `--profile` for launches of any depth"));
         }
         Ok(Self { measure, extent: [width, height], values })
     }

@@ -94,7 +94,7 @@ pub fn measure(
 }
 
 fn no_launch() -> Error {
-    Error::new(ErrorKind::InvalidScene, "the scene has no launch whose pixels could be counted")
+    Error::new(ErrorKind::InvalidScene, "the scene has no launch whose pixels can be counted")
 }
 
 /// Refuses a launch that cannot be counted, before anything runs.
@@ -103,14 +103,14 @@ fn check(single: &SingleLaunch<'_>) -> Result<()> {
         return Err(no_launch());
     }
     if single.pipeline.uses_subgroups() && single.pipeline.subgroup_size > 64 {
-        let message = "counting the cost of pixels in subgroups of more than 64 invocations";
+        let message = "the cost of pixels cannot be counted in subgroups of more than 64 invocations";
         return Err(Error::new(ErrorKind::UnsupportedModule, message)
-            .note("`subgroup_size` of the scene's pipeline may be set to 64 or less"));
+            .note("set `subgroup_size` of the scene's pipeline to 64 or less"));
     }
     let count = single.size.iter().fold(1_u64, |count, &side| count.saturating_mul(side.into()));
     if count > MAX_INVOCATIONS {
-        let message = format!("counting the cost of {count} pixels: {MAX_INVOCATIONS} are the most");
-        return Err(Error::new(ErrorKind::InvalidArgument, message).note("`--size` makes the launch smaller"));
+        let message = format!("the cost of {count} pixels cannot be counted: the limit is {MAX_INVOCATIONS}");
+        return Err(Error::new(ErrorKind::InvalidArgument, message).note("reduce the launch with `--size`"));
     }
     Ok(())
 }

@@ -13,9 +13,9 @@ impl ShaderTest {
     pub(super) fn invocation(&self) -> Result<(Invocation, Option<[u32; 2]>)> {
         let [[x, y, z], [width, height, depth]] = self.launch;
         if x >= width || y >= height || z >= depth {
-            let message = format!("the launch id ({x}, {y}, {z}) is outside of {width} x {height} x {depth}");
+            let message = format!("the launch id ({x}, {y}, {z}) is outside {width} x {height} x {depth}");
             let how = "call `.launch(id, size)` with an id below the size, or set an inconsistent \
-                       `LaunchIdKHR` by `.builtin`";
+                `LaunchIdKHR` with `.builtin`";
             return Err(invalid(message).note(how));
         }
         let mut invocation = Invocation {
@@ -94,7 +94,7 @@ impl ShaderTest {
         }
         let Some(registers) = self.payload_rows() else {
             let given = self.payload.as_ref().map_or("members", |given| &given.rust.name);
-            return Err(invalid(format!("the shader does not use the payload that it is given: `{given}`")));
+            return Err(invalid(format!("the shader does not use the given payload: `{given}`")));
         };
         let mut data = self.data(batch, registers, "the payload");
         if let Some(given) = &self.payload {
@@ -111,9 +111,7 @@ impl ShaderTest {
         let Some(given) = &self.attributes else { return Ok(()) };
         let Some(registers) = self.program.interface_registers(storage::HIT_ATTRIBUTE) else {
             let given = &given.rust.name;
-            return Err(invalid(format!(
-                "the shader does not use the hit attributes that it is given: `{given}`"
-            )));
+            return Err(invalid(format!("the shader does not use the given hit attributes: `{given}`")));
         };
         let mut data = self.data(batch, registers, "the hit attributes");
         data.take(given)?;

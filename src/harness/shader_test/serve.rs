@@ -155,8 +155,8 @@ impl ShaderTest {
         }
         let Some(record) = &self.object_record else {
             let (stage, name) = (self.program.stage.name(), &self.program.name);
-            let error = invalid(format!("{stage} `{name}` asks for the shader record of a hit object"));
-            return Err(error.note("give it: `.hit_object_record(&data)`"));
+            let error = invalid(format!("{stage} `{name}` reads the shader record of a hit object"));
+            return Err(error.note("set it with `.hit_object_record(&data)`"));
         };
         // Where a run puts it, too.
         let address = self.given.resources.memory.clone().add_buffer(record);

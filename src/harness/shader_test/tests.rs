@@ -75,7 +75,7 @@ fn mistakes_are_told_with_both_sides() {
     let text = error(sphere().hit(Hit::sphere([9.0; 3], 0.5)));
     assert!(text.contains("a hit needs its ray"), "{text}");
     let text = error(sphere().attributes(&1.0f32));
-    assert!(text.contains("does not use the hit attributes"), "{text}");
+    assert!(text.contains("does not use the given hit attributes"), "{text}");
     let text = ShaderTest::new(&fixture("sphere/closest-hit/main.rchit.spv"), "mian").unwrap_err().render();
     assert!(text.contains("did you mean `main`?"), "{text}");
 }
@@ -285,7 +285,7 @@ fn the_record_of_a_hit_object_is_what_the_test_gives() {
     let error = test.clone().hit_object_record(&[0u32; 0]).run().unwrap_err();
     assert_eq!(error.kind(), ErrorKind::Trap);
     let error = test.run().unwrap_err().render();
-    assert!(error.contains("asks for the shader record of a hit object"), "{error}");
+    assert!(error.contains("reads the shader record of a hit object"), "{error}");
     assert!(error.contains(".hit_object_record(&data)"), "{error}");
 }
 
@@ -296,7 +296,7 @@ fn hit_objects_that_nothing_answers_leave_the_payload() {
     assert_eq!(outcome.executes[0].given, outcome.executes[0].payload.value());
     let test = objects().on_trace(|_| Ok(())).execute_answers::<[f32; 4]>(&[]);
     let error = test.run().unwrap_err().render();
-    assert!(error.contains("the shader makes execution 1, and there are 0 answers"), "{error}");
+    assert!(error.contains("the shader makes execution 1, but there are only 0 answers"), "{error}");
 }
 
 #[test]

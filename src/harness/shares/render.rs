@@ -81,7 +81,7 @@ impl RenderedBand {
     fn bytes(&self, row_bytes: u64) -> Result<Vec<u8>> {
         let Self { first, rows, texels } = self;
         let invalid = |why: &str| {
-            Error::new(ErrorKind::InvalidImage, format!("the band of {rows} rows from row {first} on: {why}"))
+            Error::new(ErrorKind::InvalidImage, format!("the band of {rows} rows from row {first}: {why}"))
         };
         let compressed = STANDARD.decode(texels).map_err(|error| invalid(&error.to_string()))?;
         let size = u64::from(*rows) * row_bytes;
@@ -90,7 +90,7 @@ impl RenderedBand {
         let read = DeflateDecoder::new(&compressed[..]).take(size + 1).read_to_end(&mut bytes);
         read.map_err(|error| invalid(&error.to_string()))?;
         if bytes.len() as u64 != size {
-            return Err(invalid("it has another number of texels"));
+            return Err(invalid("it has a different number of texels"));
         }
         Ok(bytes)
     }
@@ -102,7 +102,7 @@ impl RenderWhole {
         let [width, height] = self.size;
         let invalid = |message: String| Error::new(ErrorKind::InvalidImage, message);
         let format = format_named(&self.format)
-            .ok_or_else(|| invalid(format!("there is no image format `{}`", self.format)))?;
+            .ok_or_else(|| invalid(format!("unknown image format `{}`", self.format)))?;
         if u64::from(width) * u64::from(height) > MAX_TEXELS {
             return Err(invalid(format!("a picture of {width}x{height} has more than 2^30 texels")));
         }
@@ -130,7 +130,8 @@ impl RenderResult {
         for band in results.shares().flat_map(|share| &share.bands) {
             let end = band.first.checked_add(band.rows).filter(|end| *end <= height);
             let Some(end) = end else {
-                let message = format!("{} rows from row {} on, of {height}", band.rows, band.first);
+                let message =
+                    format!("{} rows from row {} exceed the height {height}", band.rows, band.first);
                 return Err(Error::new(ErrorKind::InvalidImage, message));
             };
             let range = [band.first, end].map(|row| (u64::from(row) * row_bytes) as usize);

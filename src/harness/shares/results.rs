@@ -73,13 +73,14 @@ pub fn command_of(file: &Path, bytes: &[u8]) -> Result<String> {
     };
     if header.anyhit != ANYHIT {
         return refuse(format!(
-            "it was written by anyhit {}, and this is {ANYHIT}: all shares need one version",
+            "the file was written by anyhit {}, but this is {ANYHIT}: all shares must have the same \
+             version",
             header.anyhit
         ));
     }
     if header.anyhit_result != VERSION {
         return refuse(format!(
-            "it is a result in version {} of the format, and this anyhit reads version {VERSION}",
+            "the result has version {} of the format, but this anyhit reads version {VERSION}",
             header.anyhit_result
         ));
     }
@@ -87,7 +88,7 @@ pub fn command_of(file: &Path, bytes: &[u8]) -> Result<String> {
 }
 
 fn no_result(file: &Path, error: &serde_json::Error) -> Error {
-    let message = format!("it is no result that `--result` wrote: {error}");
+    let message = format!("not a result that `--result` wrote: {error}");
     Error::new(ErrorKind::InvalidArgument, message).at(Place::File(file.to_path_buf()))
 }
 
@@ -116,24 +117,17 @@ impl<R: ShareResult> ShareResults<R> {
         };
         let command = command_of(file, bytes)?;
         if command != R::COMMAND {
-            return refuse(format!(
-                "it is a result of `anyhit {command}`, and not of `anyhit {}`",
-                R::COMMAND
-            ));
+            return refuse(format!("this is a result of `anyhit {command}`, not of `anyhit {}`", R::COMMAND));
         }
         let mut read: Self = serde_json::from_slice(bytes).map_err(|error| no_result(file, &error))?;
         if read.shares.is_empty() {
-            return refuse("it holds the result of no share".to_owned());
+            return refuse("the file contains no results".to_owned());
         }
         if read.of > Shard::MOST {
-            return refuse(format!(
-                "it is of a run with {} shares, and {} are the most",
-                read.of,
-                Shard::MOST
-            ));
+            return refuse(format!("the run has {} shares, more than the limit of {}", read.of, Shard::MOST));
         }
         if let Some(wrong) = read.shares.keys().find(|number| !(1..=read.of).contains(number)) {
-            return refuse(format!("it holds share {wrong} of {}", read.of));
+            return refuse(format!("the file contains share {wrong} of {}", read.of));
         }
         read.files = read.shares.keys().map(|&number| (number, escape::path(&file).to_string())).collect();
         Ok(read)
@@ -146,7 +140,7 @@ impl<R: ShareResult> ShareResults<R> {
     pub fn merge(mut self, other: Self) -> Result<Self> {
         let names = [self.name(), other.name()];
         if let Some(difference) = difference(&self, &other) {
-            let message = format!("{} is of another run than {}: {difference}", names[1], names[0]);
+            let message = format!("{} is of a different run than {}: {difference}", names[1], names[0]);
             return Err(Error::new(ErrorKind::InvalidArgument, message));
         }
         let mut files = other.files;
@@ -158,13 +152,13 @@ impl<R: ShareResult> ShareResults<R> {
                 Some(_) => {
                     let shown = |file: Option<&String>| file.cloned().unwrap_or_default();
                     let message = format!(
-                        "share {number} of {} is in {} and in {}, and the results differ",
+                        "share {number} of {} is in {} and in {}, with different results",
                         self.of,
                         shown(self.files.get(&number)),
                         shown(file.as_ref())
                     );
                     return Err(Error::new(ErrorKind::InvalidArgument, message).note(
-                        "a share that runs again leaves the same, but for times: one is of other files",
+                        "repeated runs of a share differ only in times: one of the runs read other files",
                     ));
                 }
             };
@@ -222,7 +216,7 @@ fn earlier<R: ShareResult>(one: R, other: R) -> R {
 /// In what two results are of different runs.
 fn difference<R: ShareResult>(one: &ShareResults<R>, other: &ShareResults<R>) -> Option<String> {
     if one.of != other.of {
-        return Some(format!("it has {} shares, and not {}", other.of, one.of));
+        return Some(format!("it has {} shares, not {}", other.of, one.of));
     }
     if one.whole == other.whole {
         return None;
@@ -236,9 +230,9 @@ fn difference<R: ShareResult>(one: &ShareResults<R>, other: &ShareResults<R>) ->
     Some(match differs {
         Some((key, value)) => {
             let other = other.get(key).unwrap_or(&Value::Null);
-            format!("its `{key}` is {other}, and not {value}")
+            format!("its `{key}` is {other}, not {value}")
         }
-        None => "they were asked for different things".to_owned(),
+        None => "their settings differ".to_owned(),
     })
 }
 
@@ -303,13 +297,13 @@ mod tests {
     fn files_of_others_are_refused_with_the_cause() {
         let good = share(2, 0).to_json().unwrap();
         for (from, to, words) in [
-            ("\"find\"", "\"seek\"", "a result of `anyhit seek`, and not of `anyhit find`"),
+            ("\"find\"", "\"seek\"", "a result of `anyhit seek`, not of `anyhit find`"),
             ("\"anyhit_result\":1", "\"anyhit_result\":2", "version 2 of the format"),
             (ANYHIT, "0.0.1", "written by anyhit 0.0.1"),
             ("\"of\":4", "\"of\":99999999999", "a run with 99999999999 shares"),
-            ("\"2\":", "\"5\":", "it holds share 5 of 4"),
-            ("\"2\":", "\"x\":", "no result that `--result` wrote"),
-            ("{", "", "no result that `--result` wrote"),
+            ("\"2\":", "\"5\":", "the file contains share 5 of 4"),
+            ("\"2\":", "\"x\":", "not a result that `--result` wrote"),
+            ("{", "", "not a result that `--result` wrote"),
             ("\"seed\"", "\"seeds\"", "missing field `seed`"),
         ] {
             assert!(good.contains(from), "{from}");
@@ -328,14 +322,14 @@ mod tests {
         assert_eq!((merged.shares[&1].seconds, merged.missing()), (0, vec![2, 3, 4]));
         other.shares.get_mut(&1).unwrap().number = 11;
         let told = read("a", &one).merge(read("b", &other)).unwrap_err().render();
-        assert!(told.contains("share 1 of 4 is in a and in b, and the results differ"), "{told}");
+        assert!(told.contains("share 1 of 4 is in a and in b, with different results"), "{told}");
         let mut other = share(2, 0);
         other.whole.seed = 7;
         let told = read("a", &one).merge(read("b", &other)).unwrap_err().render();
-        assert!(told.contains("b is of another run than a: its `seed` is 7, and not 1"), "{told}");
+        assert!(told.contains("b is of a different run than a: its `seed` is 7, not 1"), "{told}");
         let mut other = share(2, 0);
         other.of = 3;
         let told = read("a", &one).merge(read("b", &other)).unwrap_err().render();
-        assert!(told.contains("it has 3 shares, and not 4"), "{told}");
+        assert!(told.contains("it has 3 shares, not 4"), "{told}");
     }
 }

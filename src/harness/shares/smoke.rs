@@ -153,7 +153,10 @@ impl SmokeResult {
         let mut places = SortedSet::new();
         for module in results.shares().flat_map(|share| &share.modules) {
             if module.place >= all {
-                return refuse(format!("module {} is none of the {all} of the run", module.place));
+                return refuse(format!(
+                    "module number {} exceeds the {all} modules of the run",
+                    module.place
+                ));
             }
             if !places.insert(module.place) {
                 return refuse(format!("the module `{}` is in two shares", module.file));
@@ -161,7 +164,7 @@ impl SmokeResult {
         }
         if results.missing().is_empty() && places.len() != all {
             return refuse(format!(
-                "all shares together have {} modules, and the run has {all}",
+                "all shares together have {} modules, but the run has {all}",
                 places.len()
             ));
         }

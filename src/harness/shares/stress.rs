@@ -84,7 +84,7 @@ impl StressResult {
         match failures.find(|found| !is_known(found)) {
             None => Ok(()),
             Some(unknown) => {
-                let message = format!("a case is of the family `{}`, which there is not", unknown.family);
+                let message = format!("a case has the unknown family `{}`", unknown.family);
                 Err(Error::new(ErrorKind::InvalidArgument, message))
             }
         }

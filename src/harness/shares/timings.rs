@@ -33,9 +33,9 @@ impl Timings {
             Error::new(ErrorKind::InvalidArgument, message).at(Place::File(file.to_path_buf()))
         };
         let seconds: SortedMap<String, f64> = serde_json::from_slice(bytes)
-            .map_err(|error| refuse(format!("it is no object of seconds by test names: {error}")))?;
+            .map_err(|error| refuse(format!("expected an object of seconds by test names: {error}")))?;
         if let Some((name, wrong)) = seconds.iter().find(|(_, seconds)| !(0.0..=1e9).contains(*seconds)) {
-            return Err(refuse(format!("`{name}` cannot take {wrong} seconds")));
+            return Err(refuse(format!("invalid duration of `{name}`: {wrong} seconds")));
         }
         let in_milliseconds = |(name, seconds): (String, f64)| (name, (seconds * 1000.0).round() as u64);
         Ok(Self { milliseconds: seconds.into_iter().map(in_milliseconds).collect() })
@@ -92,9 +92,7 @@ mod tests {
         assert_eq!(timings.to_json(), text);
         assert_eq!(Timings::read(Path::new("t"), text.as_bytes()).unwrap(), timings);
         assert_eq!(Timings::default().to_json(), "{}\n");
-        for (wrong, words) in
-            [("[]", "no object"), ("{\"a\": -1}", "cannot take -1 seconds"), ("", "no object")]
-        {
+        for (wrong, words) in [("[]", "no object"), ("{\"a\": -1}", "-1 seconds"), ("", "no object")] {
             let told = Timings::read(Path::new("t.json"), wrong.as_bytes()).unwrap_err().render();
             assert!(told.contains(words) && told.contains("in t.json"), "{told}");
         }

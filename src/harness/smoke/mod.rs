@@ -252,8 +252,10 @@ fn ended(subject: &EntryUnderTest<'_>, way: Way, tries: &[Try]) -> RunReport {
     if let Some(trap) = Try::verdict(tries) {
         let here = tries.iter().filter(|one| one.traps_at(trap)).count();
         let past = tries.iter().filter(|one| one.passes(trap.offset)).count();
-        let mut note =
-            format!("on made-up inputs; {} tried: {here} trapped here, {past} got past", many(tries.len()));
+        let mut note = format!(
+            "on synthetic inputs; {} tried: {here} trapped here, {past} passed this instruction",
+            many(tries.len())
+        );
         if let Some(first) = tries.iter().find(|one| one.traps_at(trap)) {
             note += &format!("; the first: {}", describe(first));
         }
@@ -267,10 +269,10 @@ fn ended(subject: &EntryUnderTest<'_>, way: Way, tries: &[Try]) -> RunReport {
         let count = here.clone().count();
         let first = here.next().map(describe).unwrap_or_default();
         let of = many(tries.len());
-        notes.push(format!("on made-up inputs, {count} of {of} trapped ({first}): {}", trap.error));
+        notes.push(format!("on synthetic inputs, {count} of {of} trapped ({first}): {}", trap.error));
     }
     let mut needed = tries.iter().filter_map(|one| one.mended.as_ref());
-    notes.extend(needed.next().map(|(what, trap)| format!("ran with {what}; else: {}", trap.error)));
+    notes.extend(needed.next().map(|(what, trap)| format!("runs with {what}; otherwise: {}", trap.error)));
     let note = (!notes.is_empty()).then(|| notes.join("\n"));
     RunReport { with: way.name(), result: SmokeVerdict::Ok, trap: None, note }
 }
@@ -287,7 +289,7 @@ fn excuse_kinds(runs: &mut [RunReport], explored: &[(Way, Vec<Try>)]) {
         let mut others = explored.iter().flat_map(|(_, tries)| tries);
         let past = |one: &Try| one.set.has_different_floats() && one.passes(trap.offset);
         if !judge::is_of_rays(trap) || others.any(past) {
-            run.note = Some(format!("{other} passes: this shader may never see {}", run.with));
+            run.note = Some(format!("{other} passes: this shader may not be used with {}", run.with));
         }
     }
 }

@@ -127,7 +127,7 @@ impl BlockCoverage {
             let queries = many(self.ray_queries, "ray query", "ray queries");
             let (reached, all) = (self.query_instructions_reached, self.query_instructions);
             let all = many(all as u64, "OpRayQueryInitializeKHR", "OpRayQueryInitializeKHR");
-            parts.push(format!("{queries} begun by {reached} of {all}"));
+            parts.push(format!("{queries} initialised by {reached} of {all}"));
         }
         if self.any_hits > 0 {
             parts.push(many(self.any_hits, "any-hit shader run", "any-hit shaders run"));
@@ -144,7 +144,7 @@ impl BlockCoverage {
             parts.iter().fold(String::new(), |text, part| text + ", " + part),
         );
         if let Some(what) = self.cut_short {
-            let _ = writeln!(out, "  no more sets of values were tried: the {what} is spent");
+            let _ = writeln!(out, "  stopped trying sets of values: the {what} is exhausted");
         }
         let missing = &self.blocks_not_entered;
         if !missing.is_empty() {
@@ -275,7 +275,7 @@ impl EntryReport {
             }
             let Some(trap) = &run.trap else { continue };
             if !told.insert((trap.word, trap.rule.clone())) {
-                let _ = writeln!(out, "    the trap at word {} that is told above: {}", trap.word, trap.rule);
+                let _ = writeln!(out, "    the trap at word {} reported above: {}", trap.word, trap.rule);
                 continue;
             }
             for line in trap.error.report.lines() {

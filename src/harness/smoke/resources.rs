@@ -140,7 +140,7 @@ fn named(variable: &InterfaceVariable) -> impl Fn(Error) -> Error {
         ("", None) => format!("%{}", variable.id.0),
         (name, _) => format!("`{name}`"),
     };
-    move |error| error.context(format_args!("made-up memory of {name}"))
+    move |error| error.context(format_args!("synthetic memory of {name}"))
 }
 
 /// What one variable asks of its binding: so many descriptors, of which the first few repeat.

@@ -199,9 +199,9 @@ pub(super) fn run_one<P: Probe>(
 /// Refuses pipelines whose invocations cannot run one by one.
 fn check_single_lane(pipeline: &Pipeline) -> Result<()> {
     if pipeline.uses_subgroups() && pipeline.subgroup_size > 1 {
-        let message = "watching invocations one by one, of a pipeline with subgroup instructions";
+        let message = "single invocations of a pipeline with subgroup instructions cannot be observed";
         return Err(Error::new(ErrorKind::UnsupportedModule, message)
-            .note("set the subgroup size to 1 to run each invocation by itself"));
+            .note("set the subgroup size to 1 to run each invocation separately"));
     }
     Ok(())
 }

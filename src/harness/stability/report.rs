@@ -19,9 +19,9 @@ impl ShadowFindings {
             self.results,
             lines.len(),
             match significant.len() {
-                0 => "no line loses much, and nothing is decided otherwise".to_owned(),
-                1 => "1 line is worth a look".to_owned(),
-                count => format!("{count} lines are worth a look"),
+                0 => "no line loses much precision, and no decision changes".to_owned(),
+                1 => "1 line needs attention".to_owned(),
+                count => format!("{count} lines need attention"),
             }
         );
         let width = significant.iter().map(|(location, _)| location.label().len()).max().unwrap_or(0);
@@ -82,12 +82,16 @@ impl ShadowFindings {
 fn notes(location: &SourceLocation, found: &LineFindings) -> String {
     let mut text = String::new();
     if found.not_finite > 0 {
-        let _ = write!(text, "\n      {} infinite or NaN where f64 is not, or only there", found.not_finite);
+        let _ = write!(
+            text,
+            "\n      {} infinite or NaN either here or in f64, but not in both",
+            found.not_finite
+        );
     }
     if found.read_back > 0 {
         let _ = write!(
             text,
-            "\n      {} read again that storage in {} bits had rounded",
+            "\n      {} read back after rounding in storage of {} bits",
             found.read_back, found.storage_bits
         );
     }
@@ -109,7 +113,10 @@ impl Perturbation {
             (1, runs) => format!("{runs} runs"),
             (first, runs) => format!("runs {first} to {runs}"),
         };
-        format!("{runs} with every float result moved within what {} allows, seed {seed}", envelope.name())
+        format!(
+            "{runs} with every float result perturbed within what {} allows, seed {seed}",
+            envelope.name()
+        )
     }
 }
 
@@ -151,7 +158,7 @@ impl Instability {
             let more =
                 if one.values > 1 { format!(" (and {} more values)", one.values - 1) } else { String::new() };
             format!(
-                "output {}{more}: {} without, {} in run {}{}",
+                "output {}{more}: {} unperturbed, {} in run {}{}",
                 one.name,
                 one.reference,
                 one.other,
@@ -180,10 +187,7 @@ impl Instability {
                 DecisionKind::Branch => "branch",
                 DecisionKind::Hit => "hit of the ray traced",
             };
-            format!(
-                "{what} at {} goes another way first in {count} invocations of runs{source}",
-                location.label()
-            )
+            format!("{what} at {} changes first in {count} perturbed invocations{source}", location.label())
         };
         self.branches.iter().map(branch).collect()
     }

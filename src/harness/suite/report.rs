@@ -104,7 +104,7 @@ pub fn summary(result: &SuiteResult) -> String {
     more(result.left_out, "not run");
     let mut out = format!("{}\n", parts.join(", "));
     for path in &result.written {
-        let _ = writeln!(out, "written anew: {path}");
+        let _ = writeln!(out, "renewed: {path}");
     }
     out
 }
@@ -117,7 +117,7 @@ pub fn coverage(coverage: &Coverage) -> String {
         _ => format!("{some} of {all} ({:.1} %)", 100.0 * some as f64 / all as f64),
     };
     let mut out = format!(
-        "coverage\n  lines             {}\n  ways of branches  {}\n",
+        "coverage\n  lines             {}\n  branch directions {}\n",
         part(lines, all_lines),
         part(ways, all_ways)
     );
@@ -138,7 +138,7 @@ pub fn coverage(coverage: &Coverage) -> String {
             let _ = writeln!(out, "    never: {what}");
         }
         if never.len() > NAMED {
-            let _ = writeln!(out, "    and {} more never", never.len() - NAMED);
+            let _ = writeln!(out, "    and {} more", never.len() - NAMED);
         }
     }
     let unknown = &coverage.without_lines;

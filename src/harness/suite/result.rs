@@ -183,7 +183,7 @@ impl SuiteResult {
         let left_out = results.shares().map(|share| share.left_out).fold(0, usize::saturating_add);
         let (found, all) = (places.len().saturating_add(left_out), results.whole().tests);
         if results.missing().is_empty() && found != all {
-            return refuse(format!("all shares together have {found} tests, and the suite has {all}"));
+            return refuse(format!("all shares together have {found} tests, but the suite has {all}"));
         }
         Ok(())
     }

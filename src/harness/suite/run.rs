@@ -185,7 +185,7 @@ impl Suite {
 /// What is undefined in a scene before it runs; nobody need ask for it, so that it only warns.
 fn known_before(scene: &ResolvedScene, assembled: &Assembled) -> Result<Findings> {
     let mut findings = check_scene(scene, assembled, &scene_levels(&scene.document)?);
-    findings.warn_of_denied("`--sanitize` fails here, and looks at what runs");
+    findings.warn_of_denied("with `--sanitize`, this is an error, and the run is checked too");
     Ok(findings)
 }
 
@@ -263,8 +263,8 @@ fn renew(finished: &mut Finished, options: &SuiteOptions, fixes: &mut Vec<Fix>) 
         return;
     }
     if let Some(error) = failure.errors.last_mut() {
-        let why =
-            "not written anew: values with `because` are derived, and some differences no value can mend";
+        let why = "not renewed: values with `because` are derived, and a new value cannot resolve every \
+             difference";
         *error = error.clone().note(why);
     }
 }

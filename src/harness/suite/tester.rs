@@ -196,7 +196,7 @@ impl Tester<'_> {
     /// Runs a ray of the file, and compares it with what is expected.
     pub(super) fn ray(&self, at: usize, recorder: &mut Option<Recorder>) -> Result<Outcome> {
         let Some(expect) = self.loaded.rays.get(at).and_then(Option::as_ref) else {
-            let message = format!("the file has no ray {at} with expectations any more");
+            let message = format!("the file no longer has a ray {at} with expectations");
             return Err(Error::new(ErrorKind::InvalidScene, message));
         };
         let (costs, stable) = (expect.rest.wants_costs(), expect.rest.stable.as_ref());

@@ -344,7 +344,7 @@ mod tests {
         let other = load(&text, Some("other")).unwrap();
         assert_eq!(other.vertices[other.indices[0] as usize], [5., 5., 5.]);
         let error = load(&text, Some("third")).unwrap_err();
-        assert!(error.render().contains("the objects here are: quad, other"), "{error:?}");
+        assert!(error.render().contains("objects in the file: quad, other"), "{error:?}");
     }
 
     #[test]

@@ -50,7 +50,7 @@ mod tests {
         assert_eq!(load(text, "g").unwrap().shaders[0].path, Path::new("c.spv"));
         let unknown = load(text, "O1").unwrap_err();
         assert!(unknown.contains("the scene has no variant `O1`"), "{unknown}");
-        assert!(unknown.contains("there are: O0, g"), "{unknown}");
+        assert!(unknown.contains("available: O0, g"), "{unknown}");
         let twice = load(&text.replace("'g'", "'O0'"), "O0").unwrap_err();
         assert!(twice.contains("two variants are named `O0`"), "{twice}");
         let none = load(&text[..text.find("[[variant]]").unwrap()], "g").unwrap_err();
