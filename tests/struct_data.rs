@@ -370,12 +370,12 @@ fn mistakes_show_the_layout() {
     for (value, message) in [
         ("useSky = -1", "uint goes from 0 to 4294967295"),
         ("useSky = 0.5", "`useSky` is uint: expected an integer, found a float"),
-        ("instances = 'x'", "`{ address_of = \"BUFFER\" }` or a number is needed"),
-        ("flat = 3", "`flat` is mat2x3: an array of its columns is needed"),
+        ("instances = 'x'", "expected `{ address_of = \"BUFFER\" }` or a number"),
+        ("flat = 3", "`flat` is mat2x3: expected an array of its columns"),
         ("flat = [[1, 2, 3]]", "`flat` is mat2x3: expected 2 elements, found 1"),
         ("flat = [[1, 2], [1, 2, 3]]", "`flat[0]` is vec3: expected 3 elements, found 2"),
         ("weights = [1, 2, 3]", "expected 2 elements, found 3"),
-        ("sun = 3", "`sun` is struct Sun: a table of its members is needed"),
+        ("sun = 3", "`sun` is struct Sun: expected a table of its members"),
         (
             "sun = { power = true, direction = [0, 0, 0] }",
             "`sun.power` is float: expected a number, found a Boolean",

@@ -55,7 +55,7 @@ fn mistakes_name_the_members_inside() {
     for (value, words) in [
         ("{ value = { scal = 2, offset = [3, 4] } }", "did you mean `scale`?"),
         ("{ value = { scale = 2 } }", "missing value for `offset`"),
-        ("{ value = 2 }", "a table of its members is needed"),
+        ("{ value = 2 }", "expected a table of its members"),
     ] {
         let mut all = ALL;
         all[0].2 = value;

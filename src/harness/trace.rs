@@ -523,7 +523,7 @@ mod tests {
         let ray = RayOperands::from(Ray::new([1.0, 0.0, 4.0], [0.0, 0.0, -1.0])).payload(&[0u32; 3]);
         let text = structs().trace(&room(), ray).unwrap_err().render();
         // depth 4, three bounces of 16, mat2 16, ivec2 8, four floats 16
-        assert!(text.contains("has 12 bytes, the shader's struct Payload 92 bytes"), "{text}");
+        assert!(text.contains("has 12 bytes, but the shader's struct Payload has 92 bytes"), "{text}");
         assert!(text.contains("68  ivec2 counts"), "{text}");
     }
 

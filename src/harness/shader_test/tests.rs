@@ -61,7 +61,7 @@ fn a_builtin_takes_any_value() {
 fn mistakes_are_told_with_both_sides() {
     let error = |test: ShaderTest| test.run().unwrap_err().render();
     let text = error(sphere().hit(front()).payload(&[0.0f32; 4]));
-    assert!(text.contains("`[f32; 4]` has 16 bytes, the shader's struct Payload 20 bytes"), "{text}");
+    assert!(text.contains("`[f32; 4]` has 16 bytes, but the shader's struct Payload has 20 bytes"), "{text}");
     assert!(text.contains("12  float t"), "{text}");
     assert!(text.contains("16  uint hits"), "{text}");
     let text = error(sphere().builtin("HitSphereRadiusNV", 1u32));
@@ -176,7 +176,7 @@ fn answers_in_turn_run_out_loudly_and_must_fit() {
     let text = bouncing().trace_answers(&[answer; 0]).run().unwrap_err().render();
     assert!(text.contains("trace 1") && text.contains("0 answers"), "{text}");
     let text = bouncing().trace_answers(&[[0u32; 3]]).run().unwrap_err().render();
-    assert!(text.contains("has 12 bytes, the shader's struct Payload 92 bytes"), "{text}");
+    assert!(text.contains("has 12 bytes, but the shader's struct Payload has 92 bytes"), "{text}");
     let text = bouncing().on_trace(|trace| trace.payload.set("bounces[3].at", 1.0f32)).run().unwrap_err();
     assert!(text.message().contains("there is no `bounces[3]`"), "{text:?}");
     let text = bouncing().on_trace(|trace| trace.payload.set("depth", 1.0f32)).run().unwrap_err();
