@@ -267,8 +267,8 @@ fn ray_flags_have_the_bits_of_the_specification() {
 fn flags_of_instances_have_the_bits_of_the_specification() {
     let sphere = || Instance::sphere([0.0; 3], 0.5);
     for (instance, words) in [
-        (sphere().flags(InstanceFlags(1 << 6)), "the instance flags 0x40 hold bit 6"),
-        (sphere().geometry_flags(GeometryFlags(1 << 31)), "the geometry flags 0x80000000 hold bit 31"),
+        (sphere().flags(InstanceFlags(1 << 6)), "the instance flags 0x40 contain bit 6"),
+        (sphere().geometry_flags(GeometryFlags(1 << 31)), "the geometry flags 0x80000000 contain bit 31"),
     ] {
         let text = Scene::new([instance]).unwrap_err().render();
         assert!(text.contains(words) && text.contains("combine the constants of `"), "{text}");

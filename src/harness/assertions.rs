@@ -409,7 +409,7 @@ mod tests {
         assert!(!text.contains("<    t:"), "{text}");
         assert!(text.contains("HitSphereRadiusNV"), "{text}");
         let text = message(|| assert_payload_eq!(outcome, { "hit": 2 }));
-        assert!(text.contains("there is no member `hit`"), "{text}");
+        assert!(text.contains("no member `hit`"), "{text}");
         let text = message(|| assert_payload_eq!(outcome, [0.0f32; 4]));
         assert!(text.contains("`[f32; 4]` has 16 bytes"), "{text}");
     }

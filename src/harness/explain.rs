@@ -72,7 +72,7 @@ impl Explanation {
                 ("the ray, traced again", events, &[][..], resources.memory)
             }
             What::Shader { events, calls, memory } => {
-                ("the shader by itself", events.clone(), &calls[..], memory.clone())
+                ("the shader alone", events.clone(), &calls[..], memory.clone())
             }
         };
         let names = Names::unnamed(&self.pipeline).with_memory(&memory);

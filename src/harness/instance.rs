@@ -217,7 +217,7 @@ impl Instance {
         let unknown = |what: &str, bits: u32, known: u32, constants: &str| match bits & !known {
             0 => Ok(()),
             unknown => {
-                let message = format!("the {what} flags {bits:#x} hold bit {}", unknown.trailing_zeros());
+                let message = format!("the {what} flags {bits:#x} contain bit {}", unknown.trailing_zeros());
                 let how = format!("combine the constants of `{constants}`");
                 Err(Error::new(ErrorKind::InvalidScene, message).note(how))
             }

@@ -182,7 +182,7 @@ pub(super) fn builtin_words(
 ) -> Result<(&'static Builtin, Vec<u32>)> {
     let Some(builtin) = builtin::find_by_name(name) else {
         let near = nearest(name, builtin::BUILTINS.iter().map(|builtin| builtin.name));
-        let error = invalid(format!("there is no builtin `{name}`"));
+        let error = invalid(format!("unknown builtin `{name}`"));
         return Err(near.map_or(error.clone(), |near| error.note(format!("did you mean `{near}`?"))));
     };
     let scalar = match builtin.shape {

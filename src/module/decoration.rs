@@ -219,9 +219,9 @@ fn check_target(module: &Module, unknown: &UnknownResults, target: Target, at: u
                 format!("member {member} of %{} is decorated, which has {} members", id.0, members.len()),
             )),
             Type::Other(_) => Ok(false),
-            _ => Err(invalid(at, format!("a member of %{} is decorated, which is no struct", id.0))),
+            _ => Err(invalid(at, format!("a member of %{} is decorated, but the id is not a struct", id.0))),
         },
-        _ => Err(invalid(at, format!("a member of %{} is decorated, which is no struct", id.0))),
+        _ => Err(invalid(at, format!("a member of %{} is decorated, but the id is not a struct", id.0))),
     }
 }
 

@@ -336,7 +336,7 @@ fn decorations_have_targets() {
     let mut a = Assembler::new();
     let at = a.op(Op::MemberDecorate, &[6, 0, 35, 0]);
     a.types();
-    refused(&a, at + 1, "a member of %6 is decorated, which is no struct");
+    refused(&a, at + 1, "a member of %6 is decorated, but the id is not a struct");
 
     let mut a = Assembler::new();
     let at = a.op(Op::GroupDecorate, &[6, 7]);

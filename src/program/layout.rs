@@ -249,7 +249,7 @@ impl<'a> Layout<'a> {
                     }
                     _ => at.parts().get(number).copied(),
                 };
-                (part.ok_or_else(|| format!("there is no `{}[{number}]`", &path[..walked]))?, index.len() + 2)
+                (part.ok_or_else(|| format!("no element `{}[{number}]`", &path[..walked]))?, index.len() + 2)
             } else {
                 let name = rest.trim_start_matches('.');
                 let skipped = rest.len() - name.len();
@@ -261,13 +261,12 @@ impl<'a> Layout<'a> {
                 match (members.iter().position(|member| member.name == name), members) {
                     (Some(index), _) => (at.member(index), skipped + name.len()),
                     (None, []) => {
-                        let part =
-                            at.component(name).ok_or_else(|| format!("there is no member `{name}`"))?;
+                        let part = at.component(name).ok_or_else(|| format!("no member `{name}`"))?;
                         (part, skipped + name.len())
                     }
                     // Into such a block naga puts a struct: it is used like its member.
                     (None, [only]) if only.name.is_empty() => (at.member(0), 0),
-                    _ => return Err(format!("there is no member `{name}`")),
+                    _ => return Err(format!("no member `{name}`")),
                 }
             };
             offset = offset.saturating_add(found.0);

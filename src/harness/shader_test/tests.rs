@@ -178,7 +178,7 @@ fn answers_in_turn_run_out_loudly_and_must_fit() {
     let text = bouncing().trace_answers(&[[0u32; 3]]).run().unwrap_err().render();
     assert!(text.contains("has 12 bytes, but the shader's struct Payload has 92 bytes"), "{text}");
     let text = bouncing().on_trace(|trace| trace.payload.set("bounces[3].at", 1.0f32)).run().unwrap_err();
-    assert!(text.message().contains("there is no `bounces[3]`"), "{text:?}");
+    assert!(text.message().contains("no element `bounces[3]`"), "{text:?}");
     let text = bouncing().on_trace(|trace| trace.payload.set("depth", 1.0f32)).run().unwrap_err();
     assert!(text.message().contains("1.0 is a float, not uint"), "{text:?}");
 }
@@ -210,7 +210,7 @@ fn a_payload_is_set_by_the_names_of_its_members() {
     let outcome = sphere().hit(front()).payload_member("hits", 41u32).run().unwrap();
     assert_eq!(outcome.payload["hits"].u32(), 42);
     let text = sphere().hit(front()).payload_member("hit", 41u32).run().unwrap_err().render();
-    assert!(text.contains("there is no member `hit`") && text.contains("16  uint hits"), "{text}");
+    assert!(text.contains("no member `hit`") && text.contains("16  uint hits"), "{text}");
 }
 
 /// The ray generation shader of `trace-and-execute`: traces into a hit object, asks it, executes

@@ -146,7 +146,7 @@ impl Learned {
         };
         if let (Some(kind), None) = (kind, self.geometry) {
             self.geometry = Some(kind);
-            let mended = || (format!("no geometry but {}", kind.name()), Box::new(trapped.clone()));
+            let mended = || (format!("only {} geometry", kind.name()), Box::new(trapped.clone()));
             self.mended.get_or_insert_with(mended);
             return true;
         }

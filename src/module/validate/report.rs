@@ -67,8 +67,8 @@ impl Module {
             names.truncate(MOST_NAMES);
             let others = match (count - names.len(), names.join(", ")) {
                 (_, names) if names.is_empty() => String::new(),
-                (0, names) => format!("; so do {names}"),
-                (more, names) => format!("; so do {names} and {more} more"),
+                (0, names) => format!("; also required by {names}"),
+                (more, names) => format!("; also required by {names} and {more} more"),
             };
             warnings.push(format!("warning: {name}: {first}{others}"));
         }
