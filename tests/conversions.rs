@@ -210,7 +210,7 @@ fn strides_are_compared() {
     message(types().buffer(0, 1, &[[1.0f64; 2]; 2]).run());
     // The fourth would be dropped.
     let text = message(types().buffer(0, 1, &[[1f32, 2.0, 3.0, 4.0]; 2]).run());
-    assert!(text.contains("the f32 4.0 at offset 12 lies in padding"), "{text}");
+    assert!(text.contains("the f32 4.0 at offset 12 is in padding"), "{text}");
     let padded = types().buffer(0, 1, &[[1f32, 2.0, 3.0, 0.0], [4.0, 5.0, 6.0, 0.0]]).run().unwrap();
     assert_eq!(padded.read_buffer::<u32>(0, 3).unwrap()[3..5], [2, 4f32.to_bits()]);
     // Bytes are bytes.

@@ -269,6 +269,6 @@ fn what_nothing_is_bound_to_is_told_when_it_is_read_and_when_it_is_accessed() {
     one_mistake(
         &zeros.replace("zeros", "ones"),
         "s.toml:4:11",
-        &["unknown policy for descriptors", "one of: trap, zeros"],
+        &["unknown policy for unbound descriptors", "one of: trap, zeros"],
     );
 }

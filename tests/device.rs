@@ -45,7 +45,7 @@ fn a_feature_that_is_off_is_named() {
             "spheres = false",
             "",
             "",
-            &["RayTracingSpheresGeometryNV needs the feature `spheres`", "pCode-08740"],
+            &["RayTracingSpheresGeometryNV requires the feature `spheres`", "pCode-08740"],
         ),
         ("ray_tracing_maintenance1 = false", "", "", &["RayCullMaskKHR", "`rayTracingMaintenance1`"]),
         (
@@ -106,7 +106,7 @@ fn hit_groups_have_the_shaders_that_a_pipeline_promises() {
         assert_eq!(refused(&both, flag), None);
         assert_eq!(refused(lacks, "allow_motion"), None, "nothing is promised");
         let found = refused(lacks, flag).unwrap_or_default();
-        assert!(found.contains("-hit shader, and the pipeline has") && found.contains(rule), "{found}");
+        assert!(found.contains("-hit shader, but the pipeline has") && found.contains(rule), "{found}");
     }
 }
 
@@ -271,7 +271,7 @@ fn attributes_of_hit_objects_fit_the_device() {
 fn group_operations_need_a_stage_that_has_them() {
     let found = refused_hit_objects("reordered-subgroups", "features = { ray_tracing_subgroups = false }");
     let found = found.unwrap_or_default();
-    for words in ["a group operation in RayGenerationKHR", "`subgroupSupportedStages`", "None-06343"] {
+    for words in ["RayGenerationKHR executes a group operation", "`subgroupSupportedStages`", "None-06343"] {
         assert!(found.contains(words), "no `{words}` in:\n{found}");
     }
     assert_eq!(refused_hit_objects("reordered-subgroups", "preset = 'permissive'"), None);

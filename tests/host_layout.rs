@@ -181,7 +181,7 @@ fn the_first_difference_is_named() {
         ),
         ("h", "Kind : uint32_t", "Kind : uint8_t", "Light", "`kind` has an integer of 32 bits in the shader"),
         // Members that only one side has.
-        ("rs", "pub power: f32 }", "}", "Sun", "the shader has `float power` at byte 12, behind the end of"),
+        ("rs", "pub power: f32 }", "}", "Sun", "the shader has `float power` at byte 12, past the end of"),
         (
             "rs",
             "pub power: f32 }",

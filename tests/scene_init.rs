@@ -137,7 +137,7 @@ fn records_are_those_that_rays_ask_for() {
     let modules = ["main.rgen", "main.rchit", "main.rmiss"];
     let modules = modules.map(|name| format!("pass/resources/record-and-push-constants/{name}.spv"));
     let (scene, _) = written(&scratch("unknown"), &modules.each_ref().map(String::as_str));
-    holds(&scene, &["SBT offset and miss index of rays in `raygen` are no constants", "SBT stride 1"]);
+    holds(&scene, &["SBT offset and miss index of rays in `raygen` are not constants", "SBT stride 1"]);
 }
 
 #[cfg(unix)]

@@ -434,7 +434,7 @@ fn what_is_left_over_of_a_buffer_is_noted() {
         assert_eq!(scene(&format!("size = {size}")).unwrap().notes, Vec::<String>::new());
     }
     let note = "s.toml:6: the buffer `data` (set 0, binding 1) has 120 bytes: 64 bytes before the array, 1 element of 32 \
-                and 24 left over, which no index of `lights` reaches";
+                and 24 left over, which no index into `lights` reaches";
     let found = scene("size = 120").unwrap().notes;
     assert_eq!(found.len(), 1, "{found:?}");
     assert_eq!(found[0].replace("`Lights`", "`lights`"), note);

@@ -521,8 +521,7 @@ fn a_scene_with_rays_alone_is_tested_by_them() {
     assert!(listed.ends_with("::r\n"), "{listed}");
     let ran = run(&[folder]);
     assert_eq!(ran.code, Some(1));
-    let words =
-        "payload.normal[0]: expected -0.0 (bits 0x80000000), found 0.0 (bits 0x00000000): zeros of two signs";
+    let words = "payload.normal[0]: expected -0.0 (bits 0x80000000), found 0.0 (bits 0x00000000): zeros of opposite sign";
     assert!(ran.out.contains(words), "{}", ran.out);
     // Nine words for a vec3, a float and a uint.
     write("[0, 0, 0, 0, 0, 0, 0, 0, 0]");

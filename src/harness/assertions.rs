@@ -384,7 +384,7 @@ mod tests {
             text.starts_with("`outcome.payload[\"normal\"]` is not as expected\n  [2]: expected 1.0000001"),
             "{text}"
         );
-        assert!(text.contains("found 1.0 (bits 0x3f800000), 1.000 ulp away and 0.5 allowed"), "{text}");
+        assert!(text.contains("found 1.0 (bits 0x3f800000), 1.000 ulp away (allowed: 0.5)"), "{text}");
         assert!(text.contains("ObjectRayOriginKHR") && text.contains("HitSphereRadiusNV"), "{text}");
         let text = message(|| {
             assert_near!(outcome.payload["t"].f32(), 1.0, absolute = 0.5, relative = 0.5, outcome)

@@ -271,7 +271,7 @@ mod tests {
     fn values_of_no_such_type_say_why() {
         for (literal, ty, why) in [
             (float_bits("2.0"), UINT, "2.0 is not an integer"),
-            (LiteralValue::Boolean(true), UINT, "true is no number"),
+            (LiteralValue::Boolean(true), UINT, "true is not a number"),
             (LiteralValue::Integer(255), BYTE, "255 is out of the range of int8_t, -128 to 127"),
             (LiteralValue::Integer(-129), BYTE, "-129 is out of the range of int8_t, -128 to 127"),
             (LiteralValue::Integer(-1), UINT, "-1 is out of the range of uint, 0 to 4294967295"),

@@ -194,7 +194,10 @@ fn types_that_differ_are_shown_side_by_side() {
     }
     let given: Swapped = bytemuck::Zeroable::zeroed();
     let text = sphere().hit(front()).payload(&given).run().unwrap_err().render();
-    assert!(text.contains("the scalars of `Swapped` are not those of the shader's struct Payload"), "{text}");
+    assert!(
+        text.contains("the scalars of `Swapped` differ from those of the shader's struct Payload"),
+        "{text}"
+    );
     let row = |left: &str, right: &str| {
         text.lines().any(|line| line.contains(left) && line.trim_end().ends_with(right))
     };

@@ -300,7 +300,7 @@ mod tests {
             ("\"find\"", "\"seek\"", "a result of `anyhit seek`, not of `anyhit find`"),
             ("\"anyhit_result\":1", "\"anyhit_result\":2", "version 2 of the format"),
             (ANYHIT, "0.0.1", "written by anyhit 0.0.1"),
-            ("\"of\":4", "\"of\":99999999999", "a run with 99999999999 shares"),
+            ("\"of\":4", "\"of\":99999999999", "the run has 99999999999 shares"),
             ("\"2\":", "\"5\":", "the file contains share 5 of 4"),
             ("\"2\":", "\"x\":", "not a result that `--result` wrote"),
             ("{", "", "not a result that `--result` wrote"),

@@ -92,7 +92,9 @@ mod tests {
         assert_eq!(timings.to_json(), text);
         assert_eq!(Timings::read(Path::new("t"), text.as_bytes()).unwrap(), timings);
         assert_eq!(Timings::default().to_json(), "{}\n");
-        for (wrong, words) in [("[]", "no object"), ("{\"a\": -1}", "-1 seconds"), ("", "no object")] {
+        for (wrong, words) in
+            [("[]", "expected an object"), ("{\"a\": -1}", "-1 seconds"), ("", "expected an object")]
+        {
             let told = Timings::read(Path::new("t.json"), wrong.as_bytes()).unwrap_err().render();
             assert!(told.contains(words) && told.contains("in t.json"), "{told}");
         }
