@@ -130,7 +130,7 @@ impl Checker<'_> {
                 (false, Definition::Result(_, other_block, other_position))
                     if (other_block, other_position) >= (block, position) && known.op != Op::Phi =>
                 {
-                    Err(self.expected(span, at, "a value defined before"))
+                    Err(self.expected(span, at, "a previously defined value"))
                 }
                 _ => Ok(()),
             }

@@ -200,7 +200,7 @@ impl<'w> Loader<'w> {
             if loader.module.definition(id).is_some() || loader.unknown.contains_key(&id) {
                 return Ok(());
             }
-            Err(loader.expected(span, at, "an id defined before"))
+            Err(loader.expected(span, at, "a previously defined id"))
         };
         if is_declaration(known) {
             walk(words, span, literal_words, &mut |at, kind| {
@@ -323,7 +323,7 @@ impl<'w> Loader<'w> {
     fn set_kind(&self, span: Span) -> Result<SetKind> {
         match self.module.definition(self.id(span.start + 3)) {
             Some(Definition::InstructionSet(set)) => Ok(self.set_kinds[set as usize]),
-            _ => Err(self.expected(span, span.start + 3, "an instruction set imported before")),
+            _ => Err(self.expected(span, span.start + 3, "a previously imported instruction set")),
         }
     }
 
@@ -420,7 +420,7 @@ impl<'w> Loader<'w> {
                     return Err(self.expected(span, span.start + 3, "the storage class of the result type"));
                 }
                 if pointee.is_none() && !untyped {
-                    return Err(self.expected(span, span.start + 1, "a pointer type defined before"));
+                    return Err(self.expected(span, span.start + 1, "a previously defined pointer type"));
                 }
                 Ok(pointee)
             }

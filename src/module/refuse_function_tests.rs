@@ -105,7 +105,7 @@ fn ids_in_functions_are_in_scope() {
     refused(&a, at + 1, "OpFAdd: expected the id of a type, found %9 (a constant)");
 
     let (a, at) = body(|a| a.op(Op::FAdd, &[6, 60, 9, 60]));
-    refused(&a, at + 4, "OpFAdd: expected a value defined before, found %60 (a result)");
+    refused(&a, at + 4, "OpFAdd: expected a previously defined value, found %60 (a result)");
 
     let (a, at) = body(|a| a.op(Op::FAdd, &[6, 60, 9, 51]));
     refused(&a, at + 4, "OpFAdd: expected a value, found %51 (a label)");
@@ -119,7 +119,7 @@ fn ids_in_functions_are_in_scope() {
     refused(&a, at + 4, "OpFAdd: expected a value of the same function, found %60 (a result)");
 
     let (a, at) = body(|a| a.op(Op::ExtInst, &[6, 60, 9, 13, 9]));
-    refused(&a, at + 3, "OpExtInst: expected an instruction set imported before, found %9 (a constant)");
+    refused(&a, at + 3, "OpExtInst: expected a previously imported instruction set, found %9 (a constant)");
 
     let (a, at) = body(|a| a.op(Op::FAdd, &[6]));
     refused(&a, at, "OpFAdd ends before its result id");

@@ -93,7 +93,7 @@ fn operands_of_types_are_types_defined_before() {
     let mut a = typed();
     let at = a.op(Op::TypeVector, &[20, 21, 3]);
     a.op(Op::TypeFloat, &[21, 64]);
-    refused(&a, at + 2, "OpTypeVector: expected an id defined before, found %21, which is not defined");
+    refused(&a, at + 2, "OpTypeVector: expected a previously defined id, found %21, which is not defined");
 
     let mut a = typed();
     let at = a.op(Op::TypeVector, &[20, 7, 3]);
@@ -120,7 +120,7 @@ fn operands_of_types_are_types_defined_before() {
 fn a_type_cannot_hold_itself() {
     let mut a = typed();
     let at = a.op(Op::TypeStruct, &[20, 6, 20]);
-    refused(&a, at + 3, "OpTypeStruct: expected an id defined before, found %20, which is not defined");
+    refused(&a, at + 3, "OpTypeStruct: expected a previously defined id, found %20, which is not defined");
 }
 
 #[test]

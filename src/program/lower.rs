@@ -275,7 +275,7 @@ fn refuse_pipeline_instructions(lowering: &Lowering<'_>) -> Result<()> {
     if stop.is_none() && !exits {
         return Ok(());
     }
-    let error = translator.invalid("an instruction of ray-tracing pipelines in GLCompute");
+    let error = translator.invalid("a GLCompute entry point executes a ray-tracing instruction");
     let location = stop.map(|at| Place::Word(translator.origins[at].offset as usize));
     Err(location
         .map_or(error.clone(), |location| error.at(location))

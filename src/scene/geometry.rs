@@ -325,7 +325,7 @@ fn vertices_t1(table: &Table<'_>, kind: Kind) -> Option<Arc<[[f32; 3]]>> {
     let later = table.optional::<Spanned<Vec<[f32; 3]>>>("vertices_t1")?;
     let count = table.value("vertices").and_then(|first| first.elements()).map_or(0, Iterator::count);
     if later.value.len() != count {
-        let message = format!("{} vertices at time 1 for {count} at time 0", later.value.len());
+        let message = format!("{} vertices at time 1, but {count} at time 0", later.value.len());
         table.report().push(later.span.error(message));
     }
     Some(later.value.into())

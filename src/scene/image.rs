@@ -88,7 +88,10 @@ impl Picture {
         let size = self.format.texel_size() as usize;
         let count = self.extent[0] as usize * self.extent[1] as usize;
         if self.texels.len() != count * size {
-            return Err(invalid(format!("{} bytes are not {count} texels of {size}", self.texels.len())));
+            return Err(invalid(format!(
+                "{} bytes do not match {count} texels of {size} bytes",
+                self.texels.len()
+            )));
         }
         Ok(PngConversion::new(self.format, encoding)?.pixels(&self.texels))
     }

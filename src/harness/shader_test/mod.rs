@@ -115,7 +115,7 @@ impl ShaderTest {
     pub fn of(program: impl Into<Arc<Program>>) -> Result<Self> {
         let program = program.into();
         if matches!(program.stage, Stage::Compute | Stage::Other(_)) {
-            let message = format!("a test of a {} shader", program.stage.name());
+            let message = format!("`ShaderTest` does not support {} shaders", program.stage.name());
             return Err(Error::new(ErrorKind::UnsupportedModule, message));
         }
         Ok(Self {

@@ -282,10 +282,7 @@ mod tests {
         assert!(words.contains("the limit `image-side` of 32768"), "{words}");
         // 32768^2 texels of four bytes, twice.
         let words = refused(&png(32_768, 32_768), &limits);
-        assert!(
-            words.contains("8589934592 bytes of an image exceed the limit `image-bytes`"),
-            "{words}"
-        );
+        assert!(words.contains("8589934592 bytes of an image exceed the limit `image-bytes`"), "{words}");
         let words = refused(&png(8192, 8192), &limits);
         assert!(words.contains("bytes cannot hold 8192 x 8192 texels"), "{words}");
         let small = limits.with(InputLimit::ImageBytes, 7);
