@@ -186,7 +186,7 @@ fn images(around: &Bounds, ranges: &[Interval; 16]) -> [Interval; 3] {
     };
     array::from_fn(|row| {
         let terms = (0..3).map(|k| entry(scaled_rotation[row][k]).times(scaled[k]));
-        let image = terms.reduce(Interval::plus).expect("bug in anyhit: three terms");
+        let image = terms.reduce(Interval::plus).expect("bug in anyhit: the sum has no terms");
         image.clamped(length).plus(ranges[T + row])
     })
 }

@@ -126,13 +126,15 @@ impl Tlas {
     /// A copy whose intersections are computed with another precision.
     pub fn at_precision(&self, precision: Precision) -> Arc<Self> {
         let valid = Self::with_precision(self.instances.clone(), precision);
-        valid.expect("bug in anyhit: instances are refused that were not before")
+        valid.expect("bug in anyhit: previously valid instances are rejected")
     }
 
     /// The null acceleration structure: it has no instances.
     pub fn empty() -> &'static Arc<Self> {
         static EMPTY: OnceLock<Arc<Tlas>> = OnceLock::new();
-        EMPTY.get_or_init(|| Self::new(Vec::new()).expect("bug in anyhit: no instances are refused"))
+        EMPTY.get_or_init(|| {
+            Self::new(Vec::new()).expect("bug in anyhit: an empty list of instances is rejected")
+        })
     }
 
     /// The instances in the order of their `InstanceId`.

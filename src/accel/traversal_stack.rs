@@ -206,7 +206,7 @@ fn nearest_first<E: F32x8Ops>(
     let second = entry(node, &near, rest);
     rest &= rest - 1;
     let others: &mut [StackEntry; WIDTH] =
-        slots[bottom..].first_chunk_mut().expect("bug in anyhit: no room on a stack");
+        slots[bottom..].first_chunk_mut().expect("bug in anyhit: the stack is full");
     let mut nearest = first.min(second);
     others[0] = first.max(second);
     let mut count = 1;

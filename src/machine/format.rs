@@ -379,7 +379,7 @@ fn decode_component(component: Component, bits: u64, width: u32) -> u64 {
         Float11B10 => float(f16::from_bits((bits << (15 - width)) as u16).to_f32()),
         Float32 | Uint8 | Uint16 | Uint32 | Uint64 | Uint10A2 => bits,
         Sint8 | Sint16 | Sint32 | Sint64 => signed as u64,
-        SharedExponent => unreachable!("bug in anyhit: a shared exponent is no component"),
+        SharedExponent => unreachable!("bug in anyhit: a shared exponent is used as a component"),
     }
 }
 
@@ -407,7 +407,7 @@ fn encode_number(component: Component, width: u32, value: f64) -> u64 {
             let most = if width == 2 { 3 } else { most };
             (number as i128).clamp(least, most) as u64
         }
-        SharedExponent => unreachable!("bug in anyhit: a shared exponent is no component"),
+        SharedExponent => unreachable!("bug in anyhit: a shared exponent is used as a component"),
     }
 }
 

@@ -261,7 +261,7 @@ fn check_recursion(module: &Module, calls: &[Vec<(u32, usize)>]) -> Result<()> {
     }
     let index_of = |id: Id| match module.definition(id) {
         Some(Definition::Function(index)) => index,
-        _ => panic!("bug in anyhit: an entry point is no function"),
+        _ => panic!("bug in anyhit: an entry point is not a function"),
     };
     let mut is_entry = vec![false; calls.len()];
     for entry in &module.entry_points {

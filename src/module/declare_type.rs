@@ -63,7 +63,7 @@ impl Loader<'_> {
     fn define_forward_pointer(&mut self, span: Span, ty: Type) -> Result<()> {
         let id = self.id(span.start + 1);
         let Some(Definition::Type(forward)) = self.module.definition(id) else {
-            panic!("bug in anyhit: a forward pointer is no type");
+            panic!("bug in anyhit: a forward pointer is not a type");
         };
         let declared = &mut self.module.types[forward.0 as usize];
         let same_storage_class = match (&*declared, &ty) {

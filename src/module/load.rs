@@ -337,7 +337,7 @@ impl<'w> Loader<'w> {
     fn entry_point(&mut self, span: Span) {
         let name_at = span.start + 3;
         let (name, count) = string(&self.words[name_at..span.end])
-            .expect("bug in anyhit: the grammar has seen the end of this string");
+            .expect("bug in anyhit: an unterminated string passed the grammar");
         self.module.entry_points.push(EntryPoint {
             stage: Stage::of(self.words[span.start + 1]),
             // Scenes name it: format characters stay, as in their keys.

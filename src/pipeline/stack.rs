@@ -425,7 +425,7 @@ where
     fn pop_shader(&mut self) {
         let pipeline = self.pipeline;
         let Some(ShaderCallFrame::Shader(mut running)) = self.frames.pop() else {
-            unreachable!("bug in anyhit: the frame that returns is no shader");
+            unreachable!("bug in anyhit: the returning frame is not a shader");
         };
         let program = &*pipeline.programs[running.shader.index()];
         self.stack_size -= u64::from(program.register_count) * 4;

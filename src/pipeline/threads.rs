@@ -34,10 +34,10 @@ pub fn map_on_threads<T: Send>(count: usize, function: impl Fn(usize) -> T + Syn
     let results: Vec<Mutex<Option<T>>> = (0..count).map(|_| Mutex::new(None)).collect();
     call_on_threads(count, &|at| {
         let result = function(at);
-        *results[at].lock().expect("bug in anyhit: a result is written once") = Some(result);
+        *results[at].lock().expect("bug in anyhit: a thread panicked while it wrote a result") = Some(result);
     });
     let result = |one: Mutex<Option<T>>| one.into_inner().ok().flatten();
-    results.into_iter().map(|one| result(one).expect("bug in anyhit: every number has a result")).collect()
+    results.into_iter().map(|one| result(one).expect("bug in anyhit: a number has no result")).collect()
 }
 
 /// Calls a function with each number below `count`, on all threads.

@@ -173,7 +173,7 @@ where
     /// the trace. Returns the ended trace if the host called it.
     pub(super) fn advance_trace(&mut self) -> Option<Box<Trace<W>>> {
         let [below @ .., ShaderCallFrame::Trace { trace, payload, .. }] = &mut self.frames[..] else {
-            unreachable!("bug in anyhit: the top frame is no trace");
+            unreachable!("bug in anyhit: the top frame is not a trace");
         };
         let registers = match below.last_mut() {
             Some(ShaderCallFrame::Shader(caller)) => Some((&mut caller.batch.registers, *payload)),

@@ -486,7 +486,7 @@ where
                 | Stop::HitObjectTrace { .. }
                 | Stop::HitObjectExecute { .. }
                 | Stop::HitObjectRecordHandle { .. } => {
-                    unreachable!("bug in anyhit: a compute shader asks for a ray-tracing pipeline")
+                    unreachable!("bug in anyhit: a compute shader requires a ray-tracing pipeline")
                 }
             }
         }

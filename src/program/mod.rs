@@ -338,7 +338,7 @@ impl Program {
         }
         let is_this = |entry: &&EntryPoint| entry.stage == self.stage && entry.name == self.name;
         let entry = self.module.entry_points.iter().find(is_this);
-        let entry = entry.expect("bug in anyhit: a program of no entry point of its module");
+        let entry = entry.expect("bug in anyhit: the program's entry point is not in its module");
         lower_reference(self, entry, Optimization::None)
     }
 
@@ -352,7 +352,7 @@ impl Program {
     pub fn for_sanitizer(&self) -> Result<Self> {
         let is_this = |entry: &&EntryPoint| entry.stage == self.stage && entry.name == self.name;
         let entry = self.module.entry_points.iter().find(is_this);
-        let entry = entry.expect("bug in anyhit: a program of no entry point of its module");
+        let entry = entry.expect("bug in anyhit: the program's entry point is not in its module");
         lower_reference(self, entry, Optimization::Sanitized)
     }
 

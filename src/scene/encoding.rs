@@ -83,7 +83,7 @@ impl Data {
         }
         match self.parts.last_mut() {
             Some(Part::Bytes(bytes)) => bytes,
-            _ => unreachable!("bug in anyhit: the last part holds bytes"),
+            _ => unreachable!("bug in anyhit: the last part does not hold bytes"),
         }
     }
 

@@ -120,7 +120,7 @@ impl Picture {
         {
             let numbers = self.numbers().into_iter().map(|number| number as f32).collect();
             let picture = image::Rgba32FImage::from_raw(self.extent[0], self.extent[1], numbers)
-                .expect("bug in anyhit: four numbers for every pixel");
+                .expect("bug in anyhit: a pixel does not have four numbers");
             let mut bytes = std::io::Cursor::new(Vec::new());
             let written = picture.write_to(&mut bytes, image::ImageFormat::OpenExr);
             written.map_err(|error| invalid(error.to_string()))?;

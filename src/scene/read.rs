@@ -160,7 +160,7 @@ impl Document {
     /// The root table.
     pub fn root<'a>(&'a self, report: &'a Diagnostics) -> Table<'a> {
         let value = TomlValue { node: &self.root, source: &self.source, report };
-        Table::new(value).expect("bug in anyhit: the root of a TOML document is a table")
+        Table::new(value).expect("bug in anyhit: the root of a TOML document is not a table")
     }
 
     /// The file.

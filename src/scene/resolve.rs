@@ -95,7 +95,7 @@ pub fn load_text(path: &Path, text: &str, files: &dyn Files, options: &LoadOptio
     let resolver = Resolver::new(parts, &files, options, &report);
     let scene = resolver.resolve();
     report.finish()?;
-    Ok(scene.expect("bug in anyhit: a scene failed without a mistake"))
+    Ok(scene.expect("bug in anyhit: a scene failed without an error"))
 }
 
 /// Refuses a module where a scene file is needed.

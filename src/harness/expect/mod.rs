@@ -96,7 +96,7 @@ impl Expectations {
         drop(root);
         let notes = report.take_notes();
         report.finish()?;
-        let read = read.expect("bug in anyhit: expectations failed without a mistake");
+        let read = read.expect("bug in anyhit: expectations failed without an error");
         Ok(Self { notes, ..read })
     }
 

@@ -195,6 +195,6 @@ fn record<'s>(scene: &'s mut ResolvedScene, wanted: &str) -> Result<&'s mut Reso
     };
     let [pipeline, table, place] = *at;
     let pipeline = scene.all_pipelines_mut().nth(pipeline);
-    let sbt = &mut pipeline.expect("bug in anyhit: a record of no pipeline").sbt;
+    let sbt = &mut pipeline.expect("bug in anyhit: a record belongs to no pipeline").sbt;
     Ok(&mut sbt.tables_mut()[table][place])
 }

@@ -35,7 +35,7 @@ impl FloatArithmetic {
     }
 
     fn run_family(&mut self, family: &'static OpFamily, width: u32, operands: [u64; 3]) -> u64 {
-        let kernel = family.kernel(width).expect("bug in anyhit: floats have 16, 32 or 64 bits");
+        let kernel = family.kernel(width).expect("bug in anyhit: a float does not have 16, 32 or 64 bits");
         self.0.run(kernel, operands)
     }
 }

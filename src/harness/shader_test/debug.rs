@@ -123,7 +123,7 @@ impl Debuggee for SteppedTest {
 
     fn restore(&mut self, saved: &SavedState) {
         let saved = saved.downcast_ref::<State>();
-        self.state = saved.expect("bug in anyhit: the state of another debuggee").clone();
+        self.state = saved.expect("bug in anyhit: the state belongs to another debuggee").clone();
     }
 
     fn followed(&self) -> Followed {

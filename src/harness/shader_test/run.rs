@@ -207,7 +207,7 @@ impl ShaderTest {
     pub(super) fn pipeline(&self) -> Pipeline {
         let mut builder = Pipeline::builder();
         builder.shader(self.program.clone());
-        builder.build().expect("bug in anyhit: a pipeline without groups is refused")
+        builder.build().expect("bug in anyhit: a pipeline without groups is rejected")
     }
 
     fn enter(&self, batch: &Batch<1>) -> Event {

@@ -62,7 +62,7 @@ impl ShaderTest {
     /// The variable of the interface whose registers an instruction names.
     fn data_at(&self, batch: &Batch<1>, at: RegSpan, what: &'static str) -> TypedBytes {
         let registers = self.program.interface.iter().find(|registers| registers.first == at.first);
-        let registers = registers.expect("bug in anyhit: a payload that is no variable of the interface");
+        let registers = registers.expect("bug in anyhit: the payload is not a variable of the interface");
         self.data(batch, registers, what)
     }
 

@@ -355,7 +355,7 @@ impl<'a> Filler<'a> {
                     memory.add_buffer(&self.pointees(pointer, region.place)?.buffer())
                 }
             };
-            assert_eq!(address, address_of(next), "bug in anyhit: an address of another region");
+            assert_eq!(address, address_of(next), "bug in anyhit: the address belongs to another region");
             next += 1;
         }
         let unknown = |region: &Region| (region.content == FillContent::Unknown).then_some(region.place);

@@ -103,7 +103,7 @@ impl SmokeGeometry {
         let tlas = self.structure(place)?;
         let trace =
             TraceRay { ray: ray(behind), flags: place.ray_flags, cull_mask: place.cull_mask, time: 0.0 };
-        let committed = first_hit(&tlas, trace).expect("bug in anyhit: a ray of smoke tests that misses");
+        let committed = first_hit(&tlas, trace).expect("bug in anyhit: a ray of the smoke tests misses");
         // What the box's intersection shader would have reported: its entry.
         let (kind, t) = match self {
             Self::Aabb => (place.hit_kind, 2.0),

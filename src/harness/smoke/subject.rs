@@ -306,10 +306,7 @@ impl EntryUnderTest<'_> {
         }
         let end = |trapped: &Option<Box<Trapped>>| trapped.as_ref().map(|trap| (trap.code, trap.offset));
         let (watched, unwatched) = (end(&watched.trapped), end(&trapped));
-        assert_eq!(
-            watched, unwatched,
-            "bug in anyhit: optimised, the shader does not end as it does otherwise"
-        );
+        assert_eq!(watched, unwatched, "bug in anyhit: the optimised shader ends differently");
         Ok(())
     }
 }

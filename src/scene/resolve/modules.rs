@@ -162,7 +162,7 @@ impl Resolver<'_> {
         if let Some(&index) = self.module_places.get(key) {
             return load(&self.modules[index]);
         }
-        let module = self.read_module(name, entry).expect("bug in anyhit: an entry with a key has a file");
+        let module = self.read_module(name, entry).expect("bug in anyhit: an entry with a key has no file");
         load(&module?)
     }
 
