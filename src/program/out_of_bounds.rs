@@ -127,8 +127,10 @@ impl Program {
             (0, Some(_)) => format!("{index} of {path}, which has {}", self.describe_count(first.from)),
             (0, None) => format!("{index} of {path}"),
             // Several dimensions have the same length: the message names the whole array.
-            (_, Some(_)) => format!("{index} of a side of {path} with {}", self.describe_count(first.from)),
-            (_, None) => format!("{index} of an array of {path}"),
+            (_, Some(_)) => {
+                format!("{index} of a dimension of {path} with {}", self.describe_count(first.from))
+            }
+            (_, None) => format!("{index} of an array within {path}"),
         };
         Some((text + &self.describe_hit_ids(first.index), IndexOperand { length, ..operand }))
     }
