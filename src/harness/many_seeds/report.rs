@@ -43,10 +43,10 @@ impl DifferenceReport<'_> {
         let launch_id = first.map_or([0; 3], |(site, _)| site.launch_id);
         let message = match self.difference {
             RunDifference::Value { name, own, drawn } => {
-                format!("{name} is {own}, but {drawn} when {}", where_drawn(kind))
+                format!("{name} is {own}, and {drawn} where {}", where_drawn(kind))
             }
             RunDifference::Trap(trap) => {
-                format!("the run ends with a trap when {}: {}", where_drawn(kind), trap.message())
+                format!("the run ends with a trap where {}: {}", where_drawn(kind), trap.message())
             }
         };
         let mut error = Error::new(ErrorKind::Finding, message);
@@ -168,25 +168,23 @@ fn invocation(error: Error, program: &Program, site: &ChoiceSite) -> Error {
 /// What is different with a choice.
 fn where_drawn(kind: ChoiceKind) -> &'static str {
     match kind {
-        ChoiceKind::AnyHitOrder => "the hits of a ray are found in another order",
-        ChoiceKind::AnyHitDuplicate => "a hit of a ray is found twice",
-        ChoiceKind::IntersectionRepeat => {
-            "the intersection shader of an AABB runs twice, or for a ray that misses the AABB"
-        }
+        ChoiceKind::AnyHitOrder => "the hits of a ray come in another order",
+        ChoiceKind::AnyHitDuplicate => "a hit of a ray comes twice",
+        ChoiceKind::IntersectionRepeat => "the intersection shader of a box runs twice, or beside the box",
         ChoiceKind::TieOrder => "another of the hits at equal t is the closest",
         ChoiceKind::InvocationOrder => "invocations run in another order",
-        ChoiceKind::SubgroupComposition => "subgroups consist of other invocations",
+        ChoiceKind::SubgroupComposition => "other invocations form a subgroup",
         ChoiceKind::SubgroupSize => "subgroups have another size",
-        ChoiceKind::RobustRead => "a read outside its buffer returns another value",
-        ChoiceKind::UndefinedValue => "an undefined value differs",
-        ChoiceKind::UndefinedResult => "an undefined result differs",
-        ChoiceKind::WorkgroupMemory => "workgroup memory has other initial contents",
-        ChoiceKind::RobustTexel => "a read outside its image returns another texel",
+        ChoiceKind::RobustRead => "a read outside its buffer gives another value",
+        ChoiceKind::UndefinedValue => "an undefined value is another one",
+        ChoiceKind::UndefinedResult => "an undefined result is another one",
+        ChoiceKind::WorkgroupMemory => "workgroup memory holds something else at the beginning",
+        ChoiceKind::RobustTexel => "a read outside its image gives another texel",
         ChoiceKind::Contraction => "a product is added without being rounded",
-        ChoiceKind::DotOrder => "a dot product is summed in another order",
+        ChoiceKind::DotOrder => "a dot product is added up in another way",
         ChoiceKind::Reassociation => "a sum or product is calculated in another order",
-        ChoiceKind::Division => "a quotient is rounded differently",
-        ChoiceKind::FunctionPrecision => "a function is less accurate",
+        ChoiceKind::Division => "a quotient is rounded otherwise",
+        ChoiceKind::FunctionPrecision => "a function is less exact",
         ChoiceKind::ZeroSign => "a zero has the other sign",
         ChoiceKind::DenormalFlush => "denormal numbers are flushed to zero",
     }
