@@ -360,15 +360,15 @@ pub(super) fn difference<'a>(one: &'a Observed, other: &'a Observed, which: Coun
     if data(one) != data(other) {
         return Some(format!("{:?} / {:?}", data(one), data(other)));
     }
-    let memory =
-        |observed: &Observed| observed.buffers.iter().chain(&observed.images).cloned().collect::<Vec<_>>();
-    for (one, other) in memory(one).iter().zip(&memory(other)) {
-        if let Some(at) = one.bytes.iter().zip(&other.bytes).position(|(one, other)| one != other) {
+    let buffers = one.buffers.iter().zip(&other.buffers);
+    let images = one.images.iter().zip(&other.images);
+    for (one, other) in buffers.chain(images).filter(|(one, other)| one.differs(other)) {
+        if let Some(at) = one.bytes().iter().zip(other.bytes()).position(|(one, other)| one != other) {
             let word = |bytes: &[u8]| {
                 let word = bytes.get(at & !3..(at & !3) + 4).and_then(|word| word.try_into().ok());
                 word.map_or(0, u32::from_le_bytes)
             };
-            let (one_word, other_word) = (word(&one.bytes), word(&other.bytes));
+            let (one_word, other_word) = (word(one.bytes()), word(other.bytes()));
             return Some(format!(
                 "`{}` at byte {}: {one_word:#010x} / {other_word:#010x} (as floats {} / {})",
                 one.name,

@@ -22,6 +22,18 @@ impl Layout<'_> {
         found
     }
 
+    /// Returns whether values of the type hold device addresses.
+    pub(super) fn has_addresses(self) -> bool {
+        match *self.module.ty(self.ty) {
+            Type::Pointer { storage_class, .. } => storage_class == storage::PHYSICAL_STORAGE_BUFFER,
+            Type::Struct { .. } => self.members().any(|(_, part)| part.has_addresses()),
+            Type::Array { element, .. } | Type::RuntimeArray { element, .. } => {
+                self.part(element).has_addresses()
+            }
+            _ => false,
+        }
+    }
+
     fn collect_addresses(
         self,
         bytes: &[u8],

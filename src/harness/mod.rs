@@ -58,6 +58,8 @@ pub mod case;
 #[cfg(feature = "scenes")]
 mod check_optimizer;
 #[cfg(feature = "scenes")]
+mod changed_scalars;
+#[cfg(feature = "scenes")]
 pub mod cost;
 #[cfg(feature = "scenes")]
 pub mod coverage;

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::harness::expect::{Bytes, Observed, RayFound};
+use crate::harness::expect::{Observed, ObservedMemory, RayFound};
 use crate::harness::layout::{Layout, Rules};
 use crate::harness::memory::WrittenMemory;
 use crate::harness::value::Value;
@@ -20,7 +20,7 @@ pub(super) fn fresh_resources(assembled: &Assembled) -> Resources {
     Resources { printed: Some(Arc::<Printed>::default()), ..written.copied(resources) }
 }
 
-/// Reads buffers, images and printed lines.
+/// Takes printed lines, and notes buffers and images, whose bytes are read when they are compared.
 pub(super) fn read_resources(scene: &ResolvedScene, resources: &Resources, observed: &mut Observed) {
     for line in resources.printed.iter().flat_map(|printed| printed.take()) {
         observed.printed += &line.text;
@@ -32,25 +32,21 @@ pub(super) fn read_resources(scene: &ResolvedScene, resources: &Resources, obser
         let key = Binding { set: binding.set, binding: binding.binding };
         let found = resources.descriptors.get(&key).and_then(|list| list.get(binding.element as usize));
         let name = binding.name.clone();
-        let place = Some([binding.set, binding.binding, binding.element]);
+        let place = [binding.set, binding.binding, binding.element];
         match found {
             Some(Descriptor::Buffer(buffer)) => {
-                let bytes = buffer.bytes();
-                observed.buffers.push(Bytes { name, binding: place, row: None, bytes, image: None });
+                observed.buffers.push(ObservedMemory::of_buffer(name, Some(place), buffer.clone()));
             }
             Some(Descriptor::Image(image) | Descriptor::ImageSampler(image, _)) => {
-                let row = Some([image.shape().extent[0] as usize, image.format().texel_size() as usize]);
                 let encoding = scene.encoding_of(binding);
-                let (bytes, image) = (image.bytes(), Some((image.clone(), encoding)));
-                observed.images.push(Bytes { name, binding: place, row, bytes, image });
+                observed.images.push(ObservedMemory::of_image(name, place, image.clone(), encoding));
             }
             _ => {}
         }
     }
     for unbound in &scene.unbound {
         if let Some((_, buffer)) = resources.memory.named_buffer(&unbound.name) {
-            let (name, bytes) = (unbound.name.clone(), buffer.bytes());
-            observed.buffers.push(Bytes { name, binding: None, row: None, bytes, image: None });
+            observed.buffers.push(ObservedMemory::of_buffer(unbound.name.clone(), None, buffer.clone()));
         }
     }
 }

@@ -76,14 +76,14 @@ fn picture_difference(loaded: &Loaded, observed: &Observed, path: PathBuf) -> Re
         let binding = [output.set, output.binding, output.element];
         observed.images.iter().find(|image| image.binding == Some(binding))
     });
-    let Some((bytes, (image, encoding))) = image.and_then(|bytes| Some((bytes, bytes.image.as_ref()?)))
+    let Some((bytes, (image, encoding))) = image.and_then(|bytes| Some((bytes, bytes.image()?)))
     else {
         let message = "the scene has no output image: set `output = true` on one storage image";
         return Ok(Some(differs(&path, message.into())));
     };
     let found = Picture::of(image);
     let file = loaded.scene.files.read(&path)?;
-    let renewed = Fix::File(path.clone(), found.encode_png(*encoding)?);
+    let renewed = Fix::File(path.clone(), found.encode_png(encoding)?);
     let expected = Picture::decode_within(&path, &file, None, &loaded.scene.files.limits);
     let expected = match expected {
         Ok(expected) if expected.extent == found.extent => expected,
@@ -101,7 +101,7 @@ fn picture_difference(loaded: &Loaded, observed: &Observed, path: PathBuf) -> Re
             return Ok(Some(difference));
         }
     };
-    let (expected, pixels) = (expected.rgba8(PixelEncoding::STORED)?, found.rgba8(*encoding)?);
+    let (expected, pixels) = (expected.rgba8(PixelEncoding::STORED)?, found.rgba8(encoding)?);
     let [width, _] = found.extent;
     let texels = || expected.chunks_exact(4).zip(pixels.chunks_exact(4)).enumerate();
     let Some((first, _)) = texels().find(|(_, (one, other))| one != other) else { return Ok(None) };

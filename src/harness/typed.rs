@@ -25,6 +25,32 @@ pub fn record_roots(pipeline: &Pipeline) -> AddressRoots {
     records.filter_map(|record| Some((storage::SHADER_RECORD_BUFFER, record.data.clone()?))).collect()
 }
 
+/// The elements that a device pointer leads to.
+#[derive(Clone, Copy, Debug)]
+pub struct Pointees<'a> {
+    /// The layout of an element.
+    pub layout: Layout<'a>,
+    stride: usize,
+    count: usize,
+}
+
+impl Pointees<'_> {
+    /// The bytes from one element to the next, where there are several.
+    #[cfg(feature = "scenes")]
+    pub(super) fn stride(&self) -> Option<usize> {
+        (self.count != 1).then_some(self.stride)
+    }
+
+    fn read(&self, bytes: &[u8]) -> Value {
+        let Self { layout, stride, count } = *self;
+        if count == 1 {
+            return layout.read(bytes);
+        }
+        let elements = (0..count).map(|index| layout.read(&bytes[index * stride..])).collect();
+        Value::list(layout.module.describe_type(layout.ty), bytes, elements)
+    }
+}
+
 /// The content of a buffer at a device address by the type of the first pointer to its beginning:
 /// in what shaders bind, their push constants, other roots, and the buffers to which pointers there
 /// lead. `None` where no pointer leads to it.
@@ -34,6 +60,18 @@ pub fn pointed(
     roots: &[(u32, Arc<Buffer>)],
     address: u64,
 ) -> Option<Value> {
+    let pointees = pointees(programs, resources, roots, address)?;
+    let (buffer, offset) = resources.memory.buffer(address)?;
+    Some(pointees.read(&buffer.bytes().split_off(offset as usize)))
+}
+
+/// The elements at a device address, as [`pointed`] finds them.
+pub(super) fn pointees<'a>(
+    programs: &[&'a Program],
+    resources: &Resources,
+    roots: &[(u32, Arc<Buffer>)],
+    address: u64,
+) -> Option<Pointees<'a>> {
     let mut seen: HashSet<(u64, usize, TypeId)> = HashSet::new();
     let mut open: VecDeque<(usize, TypeId, Vec<u8>)> = VecDeque::new();
     for (at, program) in programs.iter().enumerate() {
@@ -50,6 +88,9 @@ pub fn pointed(
                 _ => None,
             }));
             let block = block(&program.module, ty);
+            if !Layout::new(&program.module, block, Rules::Explicit).has_addresses() {
+                continue;
+            }
             open.extend(buffers.iter().map(|buffer| (at, block, buffer.bytes())));
         }
     }
@@ -60,18 +101,18 @@ pub fn pointed(
             if offset >= buffer.size() || !seen.insert((target, at, pointee)) {
                 continue;
             }
-            let bytes = buffer.bytes().split_off(offset as usize);
+            let left = (buffer.size() - offset) as usize;
             let layout = Layout::new(&programs[at].module, pointee, Rules::Explicit);
             // A pointer to one element leads to as many as the buffer holds.
             let stride = stride.unwrap_or(layout.size()).max(1);
-            let count = if layout.runtime_stride().is_some() { 1 } else { (bytes.len() / stride).max(1) };
+            let count = if layout.runtime_stride().is_some() { 1 } else { (left / stride).max(1) };
             if target == address {
-                let elements = (0..count).map(|index| layout.read(&bytes[index * stride..])).collect();
-                return Some(match count {
-                    1 => layout.read(&bytes),
-                    _ => Value::list(programs[at].module.describe_type(pointee), &bytes, elements),
-                });
+                return Some(Pointees { layout, stride, count });
             }
+            if !layout.has_addresses() {
+                continue;
+            }
+            let bytes = buffer.bytes().split_off(offset as usize);
             open.extend(
                 (0..count.min(ELEMENTS)).map(|at_index| {
                     (at, pointee, bytes.get(at_index * stride..).unwrap_or_default().to_vec())

@@ -1,11 +1,9 @@
 //! The content of a scene's buffers by the types that its shaders declare.
 
-use std::sync::Arc;
-
 use crate::harness::layout::{Layout, Rules};
-use crate::harness::typed::{AddressRoots, block, bound, pointed, record_roots};
+use crate::harness::typed::{AddressRoots, Pointees, block, bound, pointees, record_roots};
 use crate::harness::value::Value;
-use crate::machine::{Binding, Buffer, Resources};
+use crate::machine::Binding;
 use crate::module::ty::{Type, TypeId};
 use crate::ops::pointer::storage;
 use crate::program::Program;
@@ -15,27 +13,26 @@ use crate::scene::pass::Pass;
 /// The content of a buffer, by where its descriptor is kept and the type of the first shader that
 /// uses it; `None` where no shader declares it.
 pub fn typed(assembled: &Assembled, kept: Binding, bytes: &[u8]) -> Option<Value> {
+    declared(assembled, kept).map(|layout| layout.read(bytes))
+}
+
+/// The layout of a buffer, as [`typed`] finds it.
+pub(super) fn declared(assembled: &Assembled, kept: Binding) -> Option<Layout<'_>> {
     assembled.readers_of(kept).into_iter().find_map(|(program, at)| {
         let of_binding = |one: &(u32, Option<Binding>, Option<TypeId>)| one.1 == Some(at);
         let (.., ty) = bound(program).into_iter().find(of_binding)?;
         let ty = block(&program.module, ty?);
-        let block = matches!(program.module.ty(ty), Type::Struct { .. });
-        block.then(|| Layout::new(&program.module, ty, Rules::Explicit).read(bytes))
+        let is_block = matches!(program.module.ty(ty), Type::Struct { .. });
+        is_block.then(|| Layout::new(&program.module, ty, Rules::Explicit))
     })
 }
 
-/// The content of a buffer that is bound nowhere, by its name and the type of the first pointer to
+/// The elements of a buffer that is bound nowhere, by its name and the type of the first pointer to
 /// it.
-pub fn typed_unbound(assembled: &Assembled, name: &str, bytes: &[u8]) -> Option<Value> {
-    let (address, buffer) = assembled.resources.memory.named_buffer(name)?;
-    let replaced = |other: &Arc<Buffer>| match Arc::ptr_eq(other, buffer) {
-        true => Buffer::new(bytes),
-        false => other.clone(),
-    };
-    let memory = assembled.resources.memory.with_buffers(replaced);
-    let resources = Resources { memory, ..assembled.resources.clone() };
+pub(super) fn unbound_elements<'a>(assembled: &'a Assembled, name: &str) -> Option<Pointees<'a>> {
+    let (address, _) = assembled.resources.memory.named_buffer(name)?;
     let programs: Vec<_> = programs(assembled).collect();
-    pointed(&programs, &resources, &roots(assembled), address)
+    pointees(&programs, &assembled.resources, &roots(assembled), address)
 }
 
 /// The push constants and shader records of a scene.

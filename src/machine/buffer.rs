@@ -119,6 +119,19 @@ impl Buffer {
         self.memory_id() == other.memory_id() && self.first == other.first && self.size == other.size
     }
 
+    /// Returns true if both have the same size and hold the same bytes.
+    #[doc(hidden)]
+    pub fn has_equal_bytes(&self, other: &Self) -> bool {
+        if self.size != other.size || self.is_same(other) {
+            return self.size == other.size;
+        }
+        let (whole, rest) = ((self.size / 4) as usize, self.size as u32 % 4);
+        let [own, others] = [self, other].map(|buffer| buffer.words());
+        let differs = |at: usize| own[at].load(Relaxed) ^ others[at].load(Relaxed);
+        // Bytes of the last word beyond the size are no part of the buffer.
+        (0..whole).all(|at| differs(at) == 0) && (rest == 0 || differs(whole) << (32 - 8 * rest) == 0)
+    }
+
     /// Whether it is [`Buffer::null`].
     #[must_use]
     pub fn is_null(&self) -> bool {

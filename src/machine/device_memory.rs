@@ -334,7 +334,7 @@ pub const STRUCTURE_HANDLE: u32 = u32::MAX;
 pub(super) fn buffers_equal(own: &Buffer, other: &Buffer) -> bool {
     own.is_null() == other.is_null()
         && own.size() == other.size()
-        && (own.is_same(other) || own.bytes() == other.bytes())
+        && own.has_equal_bytes(other)
 }
 
 /// Returns whether two structures have the same instances of the same geometries.

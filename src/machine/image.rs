@@ -440,6 +440,16 @@ impl Image {
         Arc::new(Self { format, shape, levels, resident, words, sample_weight, null: self.null })
     }
 
+    /// Returns true if both have the same format and shape and hold the same texels.
+    #[doc(hidden)]
+    pub fn has_equal_texels(&self, other: &Self) -> bool {
+        std::ptr::eq(self, other)
+            || self.format == other.format
+                && self.shape == other.shape
+                && self.resident == other.resident
+                && self.words.are_equal(&other.words, self.resident.len() * self.format.texel_size() as usize)
+    }
+
     /// What its texels are now.
     #[doc(hidden)]
     pub fn state(&self) -> ImageState {
@@ -489,6 +499,9 @@ impl Image {
         let size = self.format.texel_size() as usize;
         let texels = texels.start.max(self.resident.start)..texels.end.min(self.resident.end);
         let texels = texels.start - self.resident.start..texels.end - self.resident.start;
+        if each == 1 {
+            return self.words.bytes(texels.start * size..texels.end * size);
+        }
         let mut bytes = Vec::with_capacity(texels.len() / each * size);
         for index in texels.step_by(each) {
             bytes.extend_from_slice(&self.load(index).to_le_bytes()[..size]);

@@ -103,6 +103,29 @@ impl ImageWords {
         Some(copy)
     }
 
+    /// A copy of a range of the bytes.
+    pub(super) fn bytes(&self, range: Range<usize>) -> Vec<u8> {
+        let words = range.start / 8..range.end.div_ceil(8);
+        let mut bytes = Vec::with_capacity(8 * words.len());
+        words.for_each(|at| bytes.extend_from_slice(&self.load(at).to_le_bytes()));
+        bytes.drain(..range.start % 8);
+        bytes.truncate(range.len());
+        bytes
+    }
+
+    /// Returns true if the first `size` bytes, all but less than a word, are equal. Blocks that
+    /// both still have as filled are not read.
+    pub(super) fn are_equal(&self, other: &Self, size: usize) -> bool {
+        let is_untouched =
+            |block: usize| self.fill == other.fill && self.is_as_filled(block) && other.is_as_filled(block);
+        let is_equal = |at: usize| {
+            let unused = 64 - 8 * (size - 8 * at).min(8);
+            (self.load(at) ^ other.load(at)) << unused == 0
+        };
+        self.words.len() == other.words.len()
+            && (0..self.stored.len()).all(|block| is_untouched(block) || self.words_of(block).all(is_equal))
+    }
+
     /// What they hold now, as texels of a format.
     pub(super) fn state(&self, format: Format) -> ImageState {
         let words = |block| self.words_of(block).map(|at| self.load(at)).collect();

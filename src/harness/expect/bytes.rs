@@ -1,29 +1,34 @@
 //! `[[expect.buffer]]`, and `[[expect.image]]` by numbers.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use crate::error::Result;
 use crate::harness::expect::difference::SHOWN;
 use crate::harness::expect::numbers::TypedNumbers;
 use crate::harness::expect::{Difference, Subject};
 use crate::harness::number::Tolerance;
+use crate::machine::Buffer;
 use crate::machine::image::Image;
 use crate::scene::image::PixelEncoding;
 use crate::scene::read::{Parse, Spanned, Table, TomlValue};
 
-/// A resource's memory after the launch.
+/// A buffer or an image after a run. Its bytes are read when something compares them: a test of
+/// many rays beside large resources reads what its expectations name.
 #[derive(Clone, Debug)]
-pub struct Bytes {
+pub struct ObservedMemory {
     /// The name in the scene.
     pub name: String,
     /// Set, binding, array element; `None` for a buffer that is bound nowhere.
     pub binding: Option<[u32; 3]>,
-    /// An image's width, and the bytes of a texel.
-    pub row: Option<[usize; 2]>,
-    /// The content.
-    pub bytes: Vec<u8>,
-    /// The image, and the encoding of a saved picture of it.
-    pub image: Option<(Arc<Image>, PixelEncoding)>,
+    content: Content,
+    bytes: OnceLock<Vec<u8>>,
+}
+
+#[derive(Clone, Debug)]
+enum Content {
+    Buffer(Arc<Buffer>),
+    /// With the encoding of a saved picture.
+    Image(Arc<Image>, PixelEncoding),
 }
 
 /// Numbers at a place of a buffer or an image.
@@ -62,7 +67,7 @@ impl Parse for BytesExpectation {
 }
 
 impl BytesExpectation {
-    pub(super) fn check(&self, what: &str, memory: &[Bytes], differences: &mut Vec<Difference>) {
+    pub(super) fn check(&self, what: &str, memory: &[ObservedMemory], differences: &mut Vec<Difference>) {
         let because = self.because.as_ref();
         let Some(found) = memory.iter().find(|bytes| bytes.name == self.name.value) else {
             let known = memory.iter().map(|bytes| bytes.name.as_str());
@@ -83,11 +88,11 @@ impl BytesExpectation {
             let first = start + self.stride.map_or(packed, |stride| index * stride);
             for (position, expected) in element.iter().enumerate() {
                 let offset = first + position * scalar.size();
-                let Some(bits) = scalar.load(&found.bytes, offset) else {
+                let Some(bits) = scalar.load(found.bytes(), offset) else {
                     let message = format!(
                         "byte {offset} is past the end of `{}`, which has {}",
                         found.name,
-                        found.bytes.len()
+                        found.bytes().len()
                     );
                     all.push(Difference::new(&expected.span, message, because));
                     differences.extend(all);
@@ -118,13 +123,13 @@ impl BytesExpectation {
 
 impl BytesExpectation {
     /// Where the first texel begins, in bytes.
-    fn first_texel(&self, found: &Bytes) -> Result<usize> {
+    fn first_texel(&self, found: &ObservedMemory) -> Result<usize> {
         let Some(Spanned { value, span }) = &self.at else { return Ok(0) };
-        let Some([width, texel]) = found.row else {
+        let Some([width, texel]) = found.row() else {
             return Err(span.error("`at` selects a texel of an image: use `offset`, in bytes, for a buffer"));
         };
         let [x, y] = value.map(|side| side as usize);
-        let height = found.bytes.len() / (width * texel).max(1);
+        let height = found.bytes().len() / (width * texel).max(1);
         if x >= width || y >= height {
             let message =
                 format!("texel ({x}, {y}) is outside `{}`, which has {width} x {height}", found.name);
@@ -134,9 +139,51 @@ impl BytesExpectation {
     }
 }
 
-impl Bytes {
+impl ObservedMemory {
+    /// A buffer, at its set, binding and array element; `None` for one that is bound nowhere.
+    pub fn of_buffer(name: String, binding: Option<[u32; 3]>, buffer: Arc<Buffer>) -> Self {
+        Self { name, binding, content: Content::Buffer(buffer), bytes: OnceLock::new() }
+    }
+
+    /// An image, at its set, binding and array element.
+    pub fn of_image(name: String, binding: [u32; 3], image: Arc<Image>, encoding: PixelEncoding) -> Self {
+        let content = Content::Image(image, encoding);
+        Self { name, binding: Some(binding), content, bytes: OnceLock::new() }
+    }
+
+    /// The content, of images texel by texel.
+    pub fn bytes(&self) -> &[u8] {
+        self.bytes.get_or_init(|| match &self.content {
+            Content::Buffer(buffer) => buffer.bytes(),
+            Content::Image(image, _) => image.bytes(),
+        })
+    }
+
+    /// The image, and the encoding of a saved picture of it.
+    pub fn image(&self) -> Option<(&Arc<Image>, PixelEncoding)> {
+        match &self.content {
+            Content::Buffer(_) => None,
+            Content::Image(image, encoding) => Some((image, *encoding)),
+        }
+    }
+
+    /// Returns whether two runs left different bytes.
+    pub fn differs(&self, other: &Self) -> bool {
+        match (&self.content, &other.content) {
+            (Content::Buffer(one), Content::Buffer(other)) => !one.has_equal_bytes(other),
+            (Content::Image(one, _), Content::Image(other, _)) => !one.has_equal_texels(other),
+            _ => true,
+        }
+    }
+
+    /// An image's width, and the bytes of a texel.
+    fn row(&self) -> Option<[usize; 2]> {
+        let (image, _) = self.image()?;
+        Some([image.shape().extent[0] as usize, image.format().texel_size() as usize])
+    }
+
     fn describe(&self, offset: usize) -> String {
-        match self.row {
+        match self.row() {
             None => format!("`{}` at byte {offset}", self.name),
             Some([width, texel]) => {
                 let (index, rest) = (offset / texel, offset % texel);
@@ -146,7 +193,7 @@ impl Bytes {
     }
 
     pub(super) fn subject(&self, offset: usize) -> Subject {
-        match (self.binding, self.row) {
+        match (self.binding, self.row()) {
             (None, _) => Subject::UnboundBuffer(self.name.clone(), offset),
             (Some(binding), None) => Subject::Buffer(binding, offset),
             (Some(_), Some([width, texel])) => {

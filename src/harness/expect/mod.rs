@@ -18,7 +18,7 @@ mod similarity;
 mod stats;
 mod trap;
 
-pub use bytes::{Bytes, BytesExpectation};
+pub use bytes::{BytesExpectation, ObservedMemory};
 pub use difference::{Difference, Fix, PictureDifference, Subject};
 pub use hit::{HitExpectation, RayFound};
 pub use normal::NormalExpectation;
@@ -68,10 +68,10 @@ pub struct Expectations {
 pub struct Observed {
     /// The trap of the lowest launch index.
     pub trap: Option<Error>,
-    /// The content of every buffer.
-    pub buffers: Vec<Bytes>,
-    /// The texels of every image, row by row.
-    pub images: Vec<Bytes>,
+    /// Every buffer.
+    pub buffers: Vec<ObservedMemory>,
+    /// Every image.
+    pub images: Vec<ObservedMemory>,
     /// What became of each `[[ray]]`: its name and what it found, or its trap.
     pub rays: Vec<(Option<String>, Result<RayFound>)>,
     /// What was done; `None` where the launch trapped.

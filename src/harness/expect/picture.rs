@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use crate::error::Result;
 use crate::harness::expect::difference::PictureDifference;
 use crate::harness::expect::similarity::similarity;
-use crate::harness::expect::{Bytes, Difference, Fix};
+use crate::harness::expect::{Difference, Fix, ObservedMemory};
 use crate::harness::number::{ExpectedNumber, NumberType, Tolerance};
 use crate::machine::format::Component;
 use crate::scene::image::{Picture, PixelEncoding, Rgba8, exr_support};
@@ -73,9 +73,9 @@ impl Parse for PictureExpectation {
 }
 
 impl PictureExpectation {
-    pub(super) fn check(&self, images: &[Bytes], differences: &mut Vec<Difference>) {
+    pub(super) fn check(&self, images: &[ObservedMemory], differences: &mut Vec<Difference>) {
         let found = images.iter().find(|bytes| bytes.name == self.name.value);
-        let Some((bytes, (image, encoding))) = found.and_then(|bytes| Some((bytes, bytes.image.as_ref()?)))
+        let Some((bytes, (image, encoding))) = found.and_then(|bytes| Some((bytes, bytes.image()?)))
         else {
             let known = images.iter().map(|bytes| bytes.name.as_str());
             differences.push(Difference::unknown(&self.name, "image", known));
@@ -83,11 +83,11 @@ impl PictureExpectation {
         };
         let path = self.file.span.source.sibling(&self.file.value);
         let found = Picture::of(image);
-        match self.compare(&path, &found, *encoding, bytes) {
+        match self.compare(&path, &found, encoding, bytes) {
             Ok(None) => {}
             Ok(Some(difference)) => differences.push(difference),
             Err(error) => {
-                let fix = self.renewed(&path, &found, *encoding);
+                let fix = self.renewed(&path, &found, encoding);
                 let error = error.at(self.file.span.place());
                 let error = if fix.is_some() { error.note("write it with `--bless`") } else { error };
                 differences.push(Difference { fix, ..Difference::of(error) });
@@ -100,7 +100,7 @@ impl PictureExpectation {
         path: &Path,
         found: &Picture,
         encoding: PixelEncoding,
-        bytes: &Bytes,
+        bytes: &ObservedMemory,
     ) -> Result<Option<Difference>> {
         if is_exr(path) {
             // Before the file is read: where there is none, `--bless` could not write it either.

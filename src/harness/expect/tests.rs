@@ -6,7 +6,10 @@ use crate::accel::{Candidate, Committed, HitKind};
 use crate::error::{ShaderFrame, Stage, Trap};
 use crate::geometry::{Intersection, Surface};
 use crate::harness::value::Value as Found;
-use crate::machine::TrapCode;
+use crate::machine::format::{Component, Format};
+use crate::machine::image::{Image, ImageShape};
+use crate::machine::{Buffer, TrapCode};
+use crate::scene::image::PixelEncoding;
 
 fn found(committed: Option<Committed>) -> RayFound {
     RayFound { committed, custom_index: 5, traced: None, payload: Found::nothing() }
@@ -18,27 +21,17 @@ fn expect(text: &str) -> Expectations {
 }
 
 fn observed() -> Observed {
-    let words = |words: &[u32]| words.iter().flat_map(|word| word.to_le_bytes()).collect();
-    let floats = [1.0f32, 2.0, 3.0, 4.0].map(f32::to_bits);
+    let words = |words: &[u32]| words.iter().flat_map(|word| word.to_le_bytes()).collect::<Vec<u8>>();
+    let outputs = Buffer::new(&words(&[1.0f32, 2.0, 3.0, 4.0].map(f32::to_bits)));
+    let format = Format::new(Component::Uint32, 1).expect("a format");
+    let picture = Image::new(format, ImageShape::plane(2, 2), &words(&[10, 11, 12, 13])).expect("an image");
     let intersection = Intersection { t: 2.5, attributes: [0.25, 0.0], surface: Surface::Side };
     let candidate = Candidate { instance: 1, geometry: 0, primitive: 7, intersection, opaque: true };
     let hit = Committed { candidate, t: 2.5, hit_kind: HitKind::LINEAR_SWEPT_SPHERE };
     Observed {
         trap: None,
-        buffers: vec![Bytes {
-            name: "outputs".into(),
-            binding: Some([0, 1, 0]),
-            row: None,
-            bytes: words(&floats),
-            image: None,
-        }],
-        images: vec![Bytes {
-            name: "picture".into(),
-            binding: Some([0, 2, 0]),
-            row: Some([2, 4]),
-            bytes: words(&[10, 11, 12, 13]),
-            image: None,
-        }],
+        buffers: vec![ObservedMemory::of_buffer("outputs".into(), Some([0, 1, 0]), outputs)],
+        images: vec![ObservedMemory::of_image("picture".into(), [0, 2, 0], picture, PixelEncoding::STORED)],
         rays: vec![(Some("a".into()), Ok(found(Some(hit)))), (Some("b".into()), Ok(found(None)))],
         stats: Some(Stats { rays: 3, ..Stats::default() }),
         printed: "t = 2.5\n".into(),

@@ -2,9 +2,10 @@
 
 use std::collections::HashSet;
 
-use crate::harness::expect::{Bytes, Observed};
+use crate::harness::changed_scalars::{changed_elements, changed_scalars};
+use crate::harness::expect::{Observed, ObservedMemory, RayFound};
 use crate::harness::stability::instability::UnstableOutput;
-use crate::harness::typed_scene::{typed, typed_unbound};
+use crate::harness::typed_scene::{declared, unbound_elements};
 use crate::harness::value::leaves::Leaf;
 use crate::machine::Binding;
 use crate::machine::format::Class;
@@ -17,8 +18,25 @@ pub(in crate::harness) struct OutputComparison<'a> {
     assembled: &'a Assembled,
     reference: &'a Observed,
     tolerance: f64,
-    /// By output: the values that differ, and the one that differs most.
-    found: SortedMap<String, (HashSet<String>, UnstableOutput)>,
+    found: SortedMap<String, Output>,
+}
+
+/// An output of which values differ, from one run at least.
+#[derive(Debug)]
+struct Output {
+    /// The values that differ, by resource and place.
+    values: HashSet<(usize, usize)>,
+    /// The one that differs most.
+    worst: UnstableOutput,
+}
+
+/// A resource or ray whose values are compared.
+struct Subject<'n> {
+    run: u32,
+    /// Equal for values of one subject, and for these alone.
+    number: usize,
+    /// Empty for a ray.
+    name: &'n str,
 }
 
 impl<'a> OutputComparison<'a> {
@@ -29,48 +47,34 @@ impl<'a> OutputComparison<'a> {
 
     /// The number of outputs: resources that the reference run changed, and results of rays.
     pub(super) fn output_count(&self, before: &Observed) -> usize {
-        let changed = |(one, other): &(&Bytes, &Bytes)| one.bytes != other.bytes;
-        let count = |one: &[Bytes], other: &[Bytes]| one.iter().zip(other).filter(changed).count();
+        let changed = |(one, other): &(&ObservedMemory, &ObservedMemory)| one.differs(other);
+        let count =
+            |one: &[ObservedMemory], other: &[ObservedMemory]| one.iter().zip(other).filter(changed).count();
         count(&self.reference.buffers, &before.buffers)
             + count(&self.reference.images, &before.images)
             + self.reference.rays.len()
     }
 
-    /// Compares a run with the reference.
+    /// Compares a run with the reference. What is equal byte by byte is not read value by value.
     pub(in crate::harness) fn add(&mut self, run: u32, other: &Observed) {
         let reference = self.reference;
-        for (one, other) in reference.buffers.iter().zip(&other.buffers) {
-            if one.bytes != other.bytes {
-                self.compare_values(run, &one.name, &self.buffer(one), &self.buffer(other));
-            }
+        let buffers = reference.buffers.iter().zip(&other.buffers).enumerate();
+        for (number, (one, other)) in buffers.filter(|(_, (one, other))| one.differs(other)) {
+            self.compare_buffers(&Subject { run, number, name: &one.name }, one, other);
         }
-        for (one, other) in reference.images.iter().zip(&other.images) {
-            if one.bytes != other.bytes {
-                self.compare_values(run, &one.name, &texels(one), &texels(other));
-            }
+        let images = reference.images.iter().zip(&other.images).enumerate();
+        for (at, (one, other)) in images.filter(|(_, (one, other))| one.differs(other)) {
+            let number = reference.buffers.len() + at;
+            self.compare_images(&Subject { run, number, name: &one.name }, one, other);
         }
-        for (one, other) in reference.rays.iter().zip(&other.rays) {
+        let first = reference.buffers.len() + reference.images.len();
+        for (at, (one, other)) in reference.rays.iter().zip(&other.rays).enumerate() {
             if let ((_, Ok(one)), (_, Ok(other))) = (one, other) {
-                let leaves = |found: &crate::harness::expect::RayFound| {
-                    let mut leaves = Vec::new();
-                    let hit = found.committed.map(|hit| hit.candidate.hit_primitive());
-                    let number = |number: Option<u32>| number.map_or(-1, i128::from);
-                    let numbers = [
-                        ("instance", hit.map(|hit| hit.instance)),
-                        ("geometry", hit.map(|hit| hit.geometry)),
-                        ("primitive", hit.map(|hit| hit.primitive)),
-                    ];
-                    leaves.extend(
-                        numbers.map(|(name, value)| (format!("hit.{name}"), Leaf::Integer(number(value)))),
-                    );
-                    let t = found.committed.map_or(f64::INFINITY, |hit| f64::from(hit.t));
-                    leaves.push(("hit.t".to_owned(), Leaf::Float(t)));
-                    found.payload.scalars(&mut "payload".to_owned(), &mut |path, leaf| {
-                        leaves.push((path.to_owned(), leaf));
-                    });
-                    leaves
-                };
-                self.compare_values(run, "", &leaves(one), &leaves(other));
+                let subject = Subject { run, number: first + at, name: "" };
+                for (place, (one, other)) in ray_leaves(one).into_iter().zip(ray_leaves(other)).enumerate() {
+                    let ((path, one), (_, other)) = (one, other);
+                    self.compare(&subject, place, [one, other], &|| output_name(&path), &|| path.clone());
+                }
             }
         }
     }
@@ -78,81 +82,115 @@ impl<'a> OutputComparison<'a> {
     /// The outputs that differ.
     pub(in crate::harness) fn unstable(self) -> Vec<UnstableOutput> {
         let all = self.found.into_values();
-        all.map(|(values, worst)| UnstableOutput { values: values.len(), ..worst }).collect()
+        all.map(|output| UnstableOutput { values: output.values.len(), ..output.worst }).collect()
     }
 
-    fn compare_values(&mut self, run: u32, resource: &str, one: &[(String, Leaf)], other: &[(String, Leaf)]) {
-        for ((path, one), (_, other)) in one.iter().zip(other) {
-            let Some(difference) = difference(*one, *other).filter(|&difference| difference > self.tolerance)
-            else {
-                continue;
-            };
-            let name = match resource {
-                "" => path.clone(),
-                resource => format!("`{resource}` {path}"),
-            };
-            let worst = UnstableOutput {
-                name: name.clone(),
-                values: 0,
-                reference: leaf_text(*one),
-                other: leaf_text(*other),
-                run,
-                difference,
-            };
-            let (values, known) =
-                self.found.entry(format!("{resource} {}", output_name(path))).or_insert_with(|| {
-                    let none = UnstableOutput { difference: -1.0, ..worst.clone() };
-                    (HashSet::new(), none)
-                });
-            values.insert(name);
-            if difference > known.difference {
-                *known = worst;
+    fn compare_buffers(&mut self, subject: &Subject<'_>, one: &ObservedMemory, other: &ObservedMemory) {
+        let states = [one.bytes(), other.bytes()];
+        let assembled = self.assembled;
+        let compare = &mut |path: &str, offset: usize, values: [Leaf; 2]| {
+            self.compare(subject, offset, values, &|| output_name(path), &|| path.to_owned());
+        };
+        let (layout, stride) = match one.binding {
+            Some([set, binding, _]) => (declared(assembled, Binding { set, binding }), None),
+            None => {
+                let pointees = unbound_elements(assembled, &one.name);
+                (pointees.map(|pointees| pointees.layout), pointees.and_then(|pointees| pointees.stride()))
+            }
+        };
+        match (layout, stride) {
+            (Some(layout), None) => changed_scalars(layout, states, compare),
+            (Some(layout), Some(stride)) => changed_elements(layout, stride, states, compare),
+            (None, _) => {
+                let bytes = states[0].iter().zip(states[1]).enumerate();
+                for (at, (&one, &other)) in bytes.filter(|(_, (one, other))| one != other) {
+                    compare(&format!("byte {at}"), at, [one, other].map(|byte| Leaf::Integer(byte.into())));
+                }
             }
         }
     }
 
-    fn buffer(&self, bytes: &Bytes) -> Vec<(String, Leaf)> {
-        let mut leaves = Vec::new();
-        let value = match bytes.binding {
-            Some([set, binding, _]) => typed(self.assembled, Binding { set, binding }, &bytes.bytes),
-            None => typed_unbound(self.assembled, &bytes.name, &bytes.bytes),
+    fn compare_images(&mut self, subject: &Subject<'_>, one: &ObservedMemory, other: &ObservedMemory) {
+        let Some((image, _)) = one.image() else { return };
+        let format = image.format();
+        let size = format.texel_size() as usize;
+        let width = image.shape().extent[0] as usize;
+        let numbers = |texel: &[u8]| {
+            let mut bits = [0; 16];
+            bits[..size].copy_from_slice(texel);
+            format.decode_numbers(u128::from_le_bytes(bits))
         };
-        match value {
-            Some(value) => value.scalars(&mut String::new(), &mut |path, leaf| {
-                leaves.push((path.to_owned(), leaf));
-            }),
-            None => leaves.extend(
-                bytes
-                    .bytes
-                    .iter()
-                    .enumerate()
-                    .map(|(at, &byte)| (format!("byte {at}"), Leaf::Integer(byte.into()))),
-            ),
+        let leaf = |number: f64| match format.class() {
+            Class::Float => Leaf::Float(number),
+            _ => Leaf::Integer(number as i128),
+        };
+        let texels = one.bytes().chunks_exact(size).zip(other.bytes().chunks_exact(size)).enumerate();
+        for (at, (one, other)) in texels.filter(|(_, (one, other))| one != other) {
+            let pairs = numbers(one).into_iter().zip(numbers(other));
+            for (component, (one, other)) in pairs.enumerate() {
+                let name = || {
+                    let component = ["r", "g", "b", "a"].get(component).copied().unwrap_or("?");
+                    format!("texel ({}, {}).{component}", at % width, at / width)
+                };
+                let values = [leaf(one), leaf(other)];
+                // The components of a texel are one output.
+                self.compare(subject, 4 * at + component, values, &|| "texel".into(), &name);
+            }
         }
-        leaves
+    }
+
+    /// Compares two scalars; the names of the output and of the value are made where they differ.
+    fn compare(
+        &mut self,
+        subject: &Subject<'_>,
+        place: usize,
+        values: [Leaf; 2],
+        output: &dyn Fn() -> String,
+        path: &dyn Fn() -> String,
+    ) {
+        let [one, other] = values;
+        let Some(difference) = difference(one, other).filter(|&difference| difference > self.tolerance)
+        else {
+            return;
+        };
+        let key = format!("{} {}", subject.name, output());
+        let output = self.found.entry(key).or_insert_with(|| Output {
+            values: HashSet::new(),
+            worst: UnstableOutput {
+                name: String::new(),
+                values: 0,
+                reference: String::new(),
+                other: String::new(),
+                run: subject.run,
+                difference: -1.0,
+            },
+        });
+        output.values.insert((subject.number, place));
+        if difference > output.worst.difference {
+            let name = match subject.name {
+                "" => path(),
+                resource => format!("`{resource}` {}", path()),
+            };
+            let (reference, other) = (leaf_text(one), leaf_text(other));
+            output.worst =
+                UnstableOutput { name, values: 0, reference, other, run: subject.run, difference };
+        }
     }
 }
 
-/// The components of an image's texels.
-fn texels(bytes: &Bytes) -> Vec<(String, Leaf)> {
-    let Some((image, _)) = &bytes.image else { return Vec::new() };
-    let format = image.format();
-    let size = format.texel_size() as usize;
-    let width = image.shape().extent[0] as usize;
-    let texels = bytes.bytes.chunks_exact(size).enumerate().flat_map(|(at, texel)| {
-        let mut bits = [0; 16];
-        bits[..size].copy_from_slice(texel);
-        let numbers = format.decode_numbers(u128::from_le_bytes(bits));
-        let (x, y) = (at % width, at / width);
-        numbers.into_iter().zip(["r", "g", "b", "a"]).map(move |(number, component)| {
-            let leaf = match format.class() {
-                Class::Float => Leaf::Float(number),
-                _ => Leaf::Integer(number as i128),
-            };
-            (format!("texel ({x}, {y}).{component}"), leaf)
-        })
-    });
-    texels.collect()
+/// The hit and the payload of a ray, scalar by scalar.
+fn ray_leaves(found: &RayFound) -> Vec<(String, Leaf)> {
+    let hit = found.committed.map(|hit| hit.candidate.hit_primitive());
+    let number = |number: Option<u32>| Leaf::Integer(number.map_or(-1, i128::from));
+    let t = found.committed.map_or(f64::INFINITY, |hit| f64::from(hit.t));
+    let mut leaves = vec![
+        ("hit.instance".to_owned(), number(hit.map(|hit| hit.instance))),
+        ("hit.geometry".to_owned(), number(hit.map(|hit| hit.geometry))),
+        ("hit.primitive".to_owned(), number(hit.map(|hit| hit.primitive))),
+        ("hit.t".to_owned(), Leaf::Float(t)),
+    ];
+    found.payload.scalars(&mut "payload".to_owned(), &mut |path, leaf| leaves.push((path.to_owned(), leaf)));
+    leaves
 }
 
 /// The name of a value's output: its path without indices.
@@ -167,9 +205,7 @@ fn output_name(path: &str) -> String {
         };
         !inside && !was_inside && !one.is_ascii_digit()
     };
-    let name: String = path.chars().filter(keep).collect();
-    // The components of a texel are one output.
-    if name.starts_with("texel") { "texel".into() } else { name }
+    path.chars().filter(keep).collect()
 }
 
 /// The difference of two scalars, relative above 1; `None` if they are equal.
@@ -198,7 +234,6 @@ mod tests {
     #[test]
     fn values_with_one_path_are_one_output() {
         assert_eq!(output_name("values[3].normal[0]"), "values.normal");
-        assert_eq!(output_name("texel (3, 4).g"), "texel");
         assert_eq!(output_name("payload.t"), "payload.t");
     }
 
