@@ -22,12 +22,7 @@ pub(super) fn changed_scalars(layout: Layout<'_>, states: [&[u8]; 2], visit: &mu
 }
 
 /// As [`changed_scalars`], for a list of elements.
-pub(super) fn changed_elements(
-    layout: Layout<'_>,
-    stride: usize,
-    states: [&[u8]; 2],
-    visit: &mut Visit<'_>,
-) {
+pub(super) fn changed_elements(layout: Layout<'_>, stride: usize, states: [&[u8]; 2], visit: &mut Visit<'_>) {
     let budget = states[0].len().saturating_mul(64).saturating_add(1 << 16);
     Walk { path: String::new(), budget, visit }.elements(layout, usize::MAX, stride, 0, states);
 }
@@ -44,8 +39,8 @@ impl Walk<'_> {
     fn part(&mut self, layout: Layout<'_>, offset: usize, states: [&[u8]; 2]) {
         let Some(left) = self.budget.checked_sub(1) else { return };
         self.budget = left;
-        let is_open =
-            layout.runtime_stride().is_some() || matches!(layout.module.ty(layout.ty), Type::RuntimeArray { .. });
+        let is_open = layout.runtime_stride().is_some()
+            || matches!(layout.module.ty(layout.ty), Type::RuntimeArray { .. });
         let size = if is_open { usize::MAX } else { layout.size() };
         let states = states.map(|state| &state[..state.len().min(size)]);
         if states[0] == states[1] {
@@ -126,7 +121,9 @@ fn leaf(layout: Layout<'_>, bytes: &[u8]) -> Option<Leaf> {
     Some(match ty {
         Type::Bool => Leaf::Integer((bits != 0).into()),
         Type::Int { width, signed: false } => Leaf::Integer((bits & u64::MAX >> (64 - width)).into()),
-        Type::Int { width, signed: true } => Leaf::Integer(((bits << (64 - width)) as i64 >> (64 - width)).into()),
+        Type::Int { width, signed: true } => {
+            Leaf::Integer(((bits << (64 - width)) as i64 >> (64 - width)).into())
+        }
         Type::Float { .. } => Leaf::Float(ty.float_format()?.value(bits)),
         Type::Pointer { .. } => Leaf::Integer(bits.into()),
         _ => return None,

@@ -56,9 +56,9 @@ pub mod bless;
 #[cfg(feature = "scenes")]
 pub mod case;
 #[cfg(feature = "scenes")]
-mod check_optimizer;
-#[cfg(feature = "scenes")]
 mod changed_scalars;
+#[cfg(feature = "scenes")]
+mod check_optimizer;
 #[cfg(feature = "scenes")]
 pub mod cost;
 #[cfg(feature = "scenes")]

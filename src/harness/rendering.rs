@@ -76,8 +76,7 @@ fn picture_difference(loaded: &Loaded, observed: &Observed, path: PathBuf) -> Re
         let binding = [output.set, output.binding, output.element];
         observed.images.iter().find(|image| image.binding == Some(binding))
     });
-    let Some((bytes, (image, encoding))) = image.and_then(|bytes| Some((bytes, bytes.image()?)))
-    else {
+    let Some((bytes, (image, encoding))) = image.and_then(|bytes| Some((bytes, bytes.image()?))) else {
         let message = "the scene has no output image: set `output = true` on one storage image";
         return Ok(Some(differs(&path, message.into())));
     };

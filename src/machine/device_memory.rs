@@ -332,9 +332,7 @@ pub const STRUCTURE_HANDLE: u32 = u32::MAX;
 
 /// Returns whether two buffers have the same bytes.
 pub(super) fn buffers_equal(own: &Buffer, other: &Buffer) -> bool {
-    own.is_null() == other.is_null()
-        && own.size() == other.size()
-        && own.has_equal_bytes(other)
+    own.is_null() == other.is_null() && own.size() == other.size() && own.has_equal_bytes(other)
 }
 
 /// Returns whether two structures have the same instances of the same geometries.

@@ -317,8 +317,10 @@ impl Format {
         }
         let mut parts = [0; 4];
         for (channel, (part, value)) in parts.iter_mut().zip(color).enumerate() {
-            let value = if self.srgb && channel < 3 { srgb::from_linear(value) } else { value };
-            *part = encode_number(self.component, self.field(channel).1, value);
+            *part = match self.srgb && channel < 3 {
+                true => srgb::code(value).into(),
+                false => encode_number(self.component, self.field(channel).1, value),
+            };
         }
         self.join(parts)
     }

@@ -70,6 +70,8 @@ pub(super) struct ExecuteCallable<const W: usize> {
     /// The register of the callable records' indices.
     index: Reg,
     data: RegSpan,
+    /// Number of callable shaders in progress below it.
+    depth: u32,
     /// The callable shaders still to run, and the lanes that call them.
     pending: Vec<(ShaderIndex, Mask<W>)>,
 }
@@ -517,13 +519,12 @@ where
             }
         }
         pending.reverse();
-        self.frames.push(ShaderCallFrame::ExecuteCallable(ExecuteCallable { index, data, pending }));
-    }
-
-    /// How many callable shaders are in progress.
-    fn callable_depth(&self) -> u32 {
-        let is_callable = |frame: &&ShaderCallFrame<W>| matches!(frame, ShaderCallFrame::Shader(running) if running.role == Role::Callable);
-        self.frames.iter().rev().filter(is_callable).count() as u32
+        let around = self.frames.iter().rev().find_map(|frame| match frame {
+            ShaderCallFrame::ExecuteCallable(call) => Some(call.depth),
+            _ => None,
+        });
+        let depth = around.map_or(0, |depth| depth + 1);
+        self.frames.push(ShaderCallFrame::ExecuteCallable(ExecuteCallable { index, data, depth, pending }));
     }
 
     /// Whether the shaders in the frames hold so much that none of them may call another.
@@ -532,14 +533,15 @@ where
     }
 
     fn advance_execute_callable(&mut self) {
-        let deep = match self.callable_depth() >= self.pipeline.max_callable_depth {
-            true => Some(TrapCode::CallablesTooDeep),
-            false => self.is_full().then_some(TrapCode::StackOverflow),
-        };
+        let is_full = self.is_full();
         let [.., ShaderCallFrame::Shader(below), ShaderCallFrame::ExecuteCallable(call)] =
             &mut self.frames[..]
         else {
             unreachable!("bug in anyhit: a call without a caller");
+        };
+        let deep = match call.depth >= self.pipeline.max_callable_depth {
+            true => Some(TrapCode::CallablesTooDeep),
+            false => is_full.then_some(TrapCode::StackOverflow),
         };
         let Some((shader, lanes)) = call.pending.pop() else {
             self.frames.pop();

@@ -5,6 +5,9 @@
 //! are averaged in linear light. Texels have the values that shaders read. Sums are computed in
 //! binary64, over slices, rows and columns in this order, and each mean is rounded once to its
 //! format.
+//!
+//! Where every level halves the one before and sums are exact, whatever their order, a level's sums
+//! are those of the level before in pairs: level 0 is read once, not once for each level.
 
 use crate::machine::format::{Class, Component, Format};
 use crate::machine::image::ImageShape;
@@ -22,43 +25,103 @@ pub fn generate(format: Format, shape: &ImageShape, level0: &[u8]) -> Result<Vec
         );
     }
     let decoder = TexelDecoder::new(format);
-    let [width, height, depth] = shape.extent.map(|side| side as usize);
-    let area: f64 = shape.extent.iter().map(|&side| f64::from(side)).product();
-    let row_bytes = width * decoder.size;
+    let halves = shape.extent.iter().all(|side| side.is_power_of_two());
+    let exact_texels = if halves { decoder.exact_texels() } else { 0 };
     let mut texels = Vec::new();
-    // Level 0 in numbers would take 32 bytes a texel: only one row of it is held.
-    let mut row = Vec::with_capacity(width);
-    let mut sums = Vec::new();
+    let mut sums: Vec<[f64; 4]> = Vec::new();
     for level in 1..shape.levels {
-        let extent = shape.level_extent(level);
-        for layer in 0..shape.layers as usize {
-            for z in 0..extent[2] {
-                for y in 0..extent[1] {
-                    sums.clear();
-                    sums.resize(extent[0] as usize, [0.0; 4]);
-                    for (k, weight_z) in covered(z, extent[2], shape.extent[2]) {
-                        for (j, weight_y) in covered(y, extent[1], shape.extent[1]) {
-                            let begin = ((layer * depth + k) * height + j) * row_bytes;
-                            let bytes = level0[begin..begin + row_bytes].chunks_exact(decoder.size);
-                            row.clear();
-                            row.extend(bytes.map(|texel| decoder.numbers(texel)));
-                            for (x, sum) in (0..).zip(&mut sums) {
-                                for (i, weight_x) in covered(x, extent[0], shape.extent[0]) {
-                                    let weight = weight_x * weight_y * weight_z;
-                                    let texel: [f64; 4] = row[i];
-                                    *sum = array::from_fn(|part| sum[part] + weight * texel[part]);
-                                }
+        let [from, extent] = [level - 1, level].map(|level| shape.level_extent(level));
+        let covered: u64 = (0..3).map(|axis| u64::from(shape.extent[axis] / extent[axis].max(1))).product();
+        if covered > exact_texels {
+            means_by_area(&decoder, shape, level, level0, &mut texels);
+            continue;
+        }
+        let texel = |at: usize| &level0[at * decoder.size..(at + 1) * decoder.size];
+        sums = match level {
+            1 => sums_of_pairs(shape.layers, from, extent, |at| decoder.numbers(texel(at))),
+            _ => sums_of_pairs(shape.layers, from, extent, |at| sums[at]),
+        };
+        for sum in &sums {
+            texels.extend(texel_bytes(format, sum.map(|part| part / covered as f64)));
+        }
+    }
+    Ok(texels)
+}
+
+/// For each texel of a level, the sum over those that it covers of the level before, each side of
+/// which is as long or twice as long.
+fn sums_of_pairs(
+    layers: u32,
+    from: [u32; 3],
+    to: [u32; 3],
+    numbers: impl Fn(usize) -> [f64; 4],
+) -> Vec<[f64; 4]> {
+    let [from, to] = [from, to].map(|extent| extent.map(|side| side as usize));
+    let [step_x, step_y, step_z] = array::from_fn(|axis| from[axis] / to[axis]);
+    let mut sums = Vec::with_capacity(layers as usize * to[0] * to[1] * to[2]);
+    for layer in 0..layers as usize {
+        for z in 0..to[2] {
+            for y in 0..to[1] {
+                for x in 0..to[0] {
+                    let mut sum = [0.0; 4];
+                    for k in z * step_z..(z + 1) * step_z {
+                        for j in y * step_y..(y + 1) * step_y {
+                            let row = ((layer * from[2] + k) * from[1] + j) * from[0];
+                            for i in x * step_x..(x + 1) * step_x {
+                                let more = numbers(row + i);
+                                sum = array::from_fn(|part| sum[part] + more[part]);
                             }
                         }
                     }
-                    for sum in &sums {
-                        texels.extend(texel_bytes(format, sum.map(|part| part / area)));
-                    }
+                    sums.push(sum);
                 }
             }
         }
     }
-    Ok(texels)
+    sums
+}
+
+/// Appends the texels of a level, each from the part of level 0 that it covers.
+fn means_by_area(
+    decoder: &TexelDecoder,
+    shape: &ImageShape,
+    level: u32,
+    level0: &[u8],
+    texels: &mut Vec<u8>,
+) {
+    let [width, height, depth] = shape.extent.map(|side| side as usize);
+    let area: f64 = shape.extent.iter().map(|&side| f64::from(side)).product();
+    let row_bytes = width * decoder.size;
+    // Level 0 in numbers would take 32 bytes a texel: only one row of it is held.
+    let mut row = Vec::with_capacity(width);
+    let mut sums = Vec::new();
+    let extent = shape.level_extent(level);
+    for layer in 0..shape.layers as usize {
+        for z in 0..extent[2] {
+            for y in 0..extent[1] {
+                sums.clear();
+                sums.resize(extent[0] as usize, [0.0; 4]);
+                for (k, weight_z) in covered(z, extent[2], shape.extent[2]) {
+                    for (j, weight_y) in covered(y, extent[1], shape.extent[1]) {
+                        let begin = ((layer * depth + k) * height + j) * row_bytes;
+                        let bytes = level0[begin..begin + row_bytes].chunks_exact(decoder.size);
+                        row.clear();
+                        row.extend(bytes.map(|texel| decoder.numbers(texel)));
+                        for (x, sum) in (0..).zip(&mut sums) {
+                            for (i, weight_x) in covered(x, extent[0], shape.extent[0]) {
+                                let weight = weight_x * weight_y * weight_z;
+                                let texel: [f64; 4] = row[i];
+                                *sum = array::from_fn(|part| sum[part] + weight * texel[part]);
+                            }
+                        }
+                    }
+                }
+                for sum in &sums {
+                    texels.extend(texel_bytes(decoder.format, sum.map(|part| part / area)));
+                }
+            }
+        }
+    }
 }
 
 /// Decodes texels, each some ten times.
@@ -78,6 +141,18 @@ impl TexelDecoder {
         let texel = |byte: u8| texel_numbers(format, &[byte; 4][..size]);
         let bytes = if is_bytes { (0..=u8::MAX).map(texel).collect() } else { Vec::new() };
         Self { format, size, bytes }
+    }
+
+    /// How many texels can be added in binary64 without rounding, in any order. Channels of a byte
+    /// are multiples of the last place of the smallest one, in binary32, and at most 1: 1/127 and
+    /// 1/255 are multiples of 2^-30 and 2^-31, and 1/(255 x 12.92) of 2^-35.
+    fn exact_texels(&self) -> u64 {
+        match self.format.component {
+            _ if self.format.srgb => 1 << (53 - 35),
+            Component::Unorm8 => 1 << (53 - 31),
+            Component::Snorm8 => 1 << (53 - 30),
+            _ => 0,
+        }
     }
 
     /// As [`texel_numbers`].
@@ -137,6 +212,53 @@ mod tests {
         // Black and white: linear 0.5 is code 188 (187.516), alpha 127.5 goes to 128.
         let mean = generate(format, &shape, &[0, 0, 0, 0, 255, 255, 255, 255]);
         assert_eq!(mean, Ok(vec![188, 188, 188, 128]));
+    }
+
+    /// The numbers of all bytes are multiples of what `exact_texels` says, which sums up to 2^53 of
+    /// stay exact.
+    #[test]
+    fn sums_of_bytes_are_exact() {
+        let formats = [
+            Format { channels: 4, ..Format::RGBA8_SRGB },
+            Format::new(Component::Unorm8, 1),
+            Format::new(Component::Snorm8, 1),
+        ];
+        for format in formats {
+            let decoder = TexelDecoder::new(format);
+            let unit = decoder.exact_texels() as f64 / 2f64.powi(53);
+            for byte in 0..=u8::MAX {
+                for number in decoder.numbers(&[byte; 4][..decoder.size]) {
+                    assert!((number / unit).fract() == 0.0 && number.abs() <= 1.0, "{format:?}: {byte}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn halved_levels_are_the_means_by_area() {
+        let shapes = [
+            ImageShape { levels: 6, ..ImageShape::plane(32, 16) },
+            ImageShape { levels: 5, ..ImageShape::plane(2, 16) },
+            ImageShape { dimension: Dimension::D2Array, layers: 3, levels: 4, ..ImageShape::plane(8, 8) },
+            ImageShape { dimension: Dimension::D3, extent: [8, 4, 16], layers: 1, levels: 5, samples: 1 },
+        ];
+        let mut random = 7u32;
+        for (shape, format) in shapes.iter().flat_map(|shape| {
+            [Format::RGBA8_SRGB, Format::new(Component::Snorm8, 2)].map(|format| (shape, format))
+        }) {
+            let size = shape.level_texels(0) as usize * format.texel_size() as usize;
+            let level0: Vec<u8> = (0..size)
+                .map(|_| {
+                    random = random.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+                    (random >> 24) as u8
+                })
+                .collect();
+            let mut expected = Vec::new();
+            for level in 1..shape.levels {
+                means_by_area(&TexelDecoder::new(format), shape, level, &level0, &mut expected);
+            }
+            assert_eq!(generate(format, shape, &level0), Ok(expected), "{shape:?} {format:?}");
+        }
     }
 
     #[test]

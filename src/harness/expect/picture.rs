@@ -75,8 +75,7 @@ impl Parse for PictureExpectation {
 impl PictureExpectation {
     pub(super) fn check(&self, images: &[ObservedMemory], differences: &mut Vec<Difference>) {
         let found = images.iter().find(|bytes| bytes.name == self.name.value);
-        let Some((bytes, (image, encoding))) = found.and_then(|bytes| Some((bytes, bytes.image()?)))
-        else {
+        let Some((bytes, (image, encoding))) = found.and_then(|bytes| Some((bytes, bytes.image()?))) else {
             let known = images.iter().map(|bytes| bytes.name.as_str());
             differences.push(Difference::unknown(&self.name, "image", known));
             return;

@@ -37,6 +37,7 @@ mod subject;
 mod watch;
 
 use std::cell::OnceCell;
+use std::collections::HashSet;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -300,7 +301,7 @@ fn reached(program: &Program, progress: &Progress) -> BlockCoverage {
     let [traces, queries] = tracing(program);
     let executed = |all: &SortedSet<u32>| all.intersection(&progress.executed).count();
     let Happened { traces: traced, ray_queries, any_hits, reports } = progress.happened;
-    let mut missing: Vec<String> = Vec::new();
+    let (mut missing, mut known) = (Vec::new(), HashSet::new());
     for offset in progress.blocks.missing() {
         let place = match module.debug_info.line_at(offset) {
             Some(line) => {
@@ -309,7 +310,7 @@ fn reached(program: &Program, progress: &Progress) -> BlockCoverage {
             }
             None => format!("word {offset}"),
         };
-        if !missing.contains(&place) {
+        if known.insert(place.clone()) {
             missing.push(place);
         }
     }

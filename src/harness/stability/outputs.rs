@@ -172,8 +172,7 @@ impl<'a> OutputComparison<'a> {
                 resource => format!("`{resource}` {}", path()),
             };
             let (reference, other) = (leaf_text(one), leaf_text(other));
-            output.worst =
-                UnstableOutput { name, values: 0, reference, other, run: subject.run, difference };
+            output.worst = UnstableOutput { name, values: 0, reference, other, run: subject.run, difference };
         }
     }
 }
