@@ -185,7 +185,7 @@ fn shortened(text: &str) -> String {
 fn seen(loaded: &Loaded, observed: &Observed) -> Vec<String> {
     let memory = observed.buffers.iter().chain(&observed.images);
     let mut all: Vec<String> = memory
-        .map(|bytes| format!("{} {:?}: {:?}", bytes.name, bytes.binding, words(&bytes.bytes)))
+        .map(|bytes| format!("{} {:?}: {:?}", bytes.name, bytes.binding, words(bytes.bytes())))
         .collect();
     all.insert(0, observed.trap.as_ref().map_or_else(|| "no trap".into(), trap));
     let rays = (0..loaded.scene.rays.len())

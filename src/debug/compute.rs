@@ -86,9 +86,10 @@ impl Session {
         // What was printed before is not the invocation's.
         let take = || all.printed.as_ref().map_or_else(Vec::new, |printed| printed.take());
         take();
+        let written = self.assembled.written_memory(all);
         let (mut snapshot, mut writes, mut left_out) = (None, Vec::<MemoryChange>::new(), 0);
         let observed = dispatch.compute.run_invocation(&resources, groups, id, &mut |part| match part {
-            RunPart::Begins => snapshot = Some(Snapshot::take(all)),
+            RunPart::Begins => snapshot = Some(Snapshot::take(&self.scene, &written, all)),
             RunPart::Ends => {
                 let Some(before) = snapshot.take() else { return };
                 let (more, also) = before.changes(&self.scene, &pipeline, all, pass, None);

@@ -8,7 +8,7 @@ use crate::debug::values::{self, TypedValue};
 use crate::machine::format::{Class, Format};
 use crate::machine::image::{Image, ImageState};
 use crate::machine::{Binding, Buffer, Descriptor, Resources};
-use crate::pipeline::Pipeline;
+use crate::pipeline::{Pipeline, WrittenMemory};
 use crate::scene::ResolvedScene;
 use crate::scene::pass::Pass;
 use crate::scene::resolved::RebindingSource;
@@ -32,15 +32,21 @@ enum ResourceContent {
 }
 
 impl Snapshot {
-    /// Copies everything that a shader may write.
-    pub(super) fn take(resources: &Resources) -> Self {
-        let content = |descriptor: &Descriptor| match descriptor {
-            Descriptor::Buffer(buffer) => Some(ResourceContent::Words(words(buffer))),
-            Descriptor::Image(image) => Some(ResourceContent::Image(image.state())),
+    /// Copies what shaders may write, and the image at the binding of the output.
+    pub(super) fn take(scene: &ResolvedScene, written: &WrittenMemory, resources: &Resources) -> Self {
+        let output = output(scene);
+        let content = |at: Binding, descriptor: &Descriptor| match descriptor {
+            Descriptor::Buffer(buffer) if written.contains_buffer(buffer) => {
+                Some(ResourceContent::Words(words(buffer)))
+            }
+            Descriptor::Image(image) if written.contains_image(image) || Some(at) == output => {
+                Some(ResourceContent::Image(image.state()))
+            }
             _ => None,
         };
-        let contents = descriptors(resources).filter_map(|(at, one)| Some((at, content(one)?)));
-        let unbound = unbound(resources).map(|(name, buffer)| (name.to_string(), words(buffer)));
+        let contents = descriptors(resources).filter_map(|(at, one)| Some((at, content(at.0, one)?)));
+        let unbound = unbound(resources).filter(|(_, buffer)| written.contains_buffer(buffer));
+        let unbound = unbound.map(|(name, buffer)| (name.to_string(), words(buffer)));
         Self { contents: contents.collect(), unbound: unbound.collect() }
     }
 
@@ -66,7 +72,7 @@ impl Snapshot {
             let own = pass.own_bindings.iter().find(|own| own.kept == at.0).map(|own| own.at);
             own.or(Some(at.0).filter(|at| pass.kept(*at) == *at))
         };
-        let output = scene.output().map(|output| Binding { set: output.set, binding: output.binding });
+        let output = output(scene);
         let mut all = Vec::new();
         for (at, descriptor) in descriptors(resources) {
             let changes = match (self.contents.get(&at), descriptor) {
@@ -94,6 +100,11 @@ impl Snapshot {
         all.truncate(MAX_CHANGES);
         (all, left_out)
     }
+}
+
+/// Where the output image is bound.
+fn output(scene: &ResolvedScene) -> Option<Binding> {
+    scene.output().map(|output| Binding { set: output.set, binding: output.binding })
 }
 
 struct Change {

@@ -113,7 +113,7 @@ impl Session {
         single.run_before(all)?;
         let resources = single.resources(all);
         let run = Launch { pipeline: &single.pipeline, resources: &resources };
-        let snapshot = Snapshot::take(all);
+        let snapshot = Snapshot::take(&self.scene, &self.assembled.written_memory(all), all);
         // A ray from the host has no launch index.
         let log = |id| EventLog::new(all.printed.clone(), id);
         let (mut log, own) = match request.what {

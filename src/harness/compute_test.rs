@@ -13,13 +13,13 @@ use crate::harness::bound::{Bound, reads_what_is_bound};
 use crate::harness::given::{Given, gives_resources};
 #[cfg(feature = "scenes")]
 use crate::harness::memory;
-use crate::harness::memory::WrittenMemory;
 use crate::harness::scene::Scene;
 use crate::harness::side_by_side::SideBySide;
 use crate::machine::printed::PrintedLine;
 use crate::machine::{Descriptor, LaunchLimits, ShaderIndex};
 use crate::module::Module;
 use crate::module::interface::Stage;
+use crate::pipeline::WrittenMemory;
 use crate::pipeline::{Compute, Stats};
 use crate::program::Program;
 use crate::sanitize::module_checks::check_module;

@@ -4,7 +4,6 @@ use std::sync::Arc;
 
 use crate::harness::expect::{Observed, ObservedMemory, RayFound};
 use crate::harness::layout::{Layout, Rules};
-use crate::harness::memory::WrittenMemory;
 use crate::harness::value::Value;
 use crate::machine::{Binding, Descriptor, Printed, Resources, ShaderIndex};
 use crate::ops::pointer::storage;
@@ -16,8 +15,8 @@ use crate::scene::{Assembled, ResolvedScene};
 /// what no shader of the scene can write is shared.
 pub(super) fn fresh_resources(assembled: &Assembled) -> Resources {
     let resources = &assembled.resources;
-    let written = WrittenMemory::of_scene(assembled, resources);
-    Resources { printed: Some(Arc::<Printed>::default()), ..written.copied(resources) }
+    let copied = assembled.written_memory(resources).copied(resources);
+    Resources { printed: Some(Arc::<Printed>::default()), ..copied }
 }
 
 /// Takes printed lines, and notes buffers and images, whose bytes are read when they are compared.

@@ -7,7 +7,7 @@ use crate::drawing::heat_map::{HeatMap, HeatScale, number};
 use crate::drawing::page::{Page, PageExplanations, PageLayer, PagePicture};
 use crate::error::Result;
 use crate::harness::expect::PictureDifference;
-use crate::harness::memory;
+use crate::harness::observe::fresh_resources;
 use crate::harness::pixel_cost::{Heat, HeatMeasure};
 use crate::pipeline::map_on_threads;
 
@@ -70,7 +70,7 @@ pub fn explain(
             Some(pass) => ExplainRequest::InPass(pass.to_owned(), Box::new(pixel)),
             None => pixel,
         };
-        let resources = memory::copied(&session.assembled().resources);
+        let resources = fresh_resources(session.assembled());
         let (mut transcript, _) = session.run_on(&request, &resources).ok()?;
         if let Some(name) = scene_name {
             name.clone_into(&mut transcript.scene);

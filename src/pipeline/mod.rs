@@ -29,6 +29,7 @@ mod trace;
 mod tracing;
 mod trapped;
 mod workgroup;
+mod written_memory;
 
 use std::fmt;
 use std::sync::Arc;
@@ -58,6 +59,8 @@ pub use threads::map_on_threads;
 pub(crate) use tracing::trace_operands;
 pub use trapped::Trapped;
 pub(crate) use trapped::{source_line, source_line_of, trap_error, with_limit, with_location};
+pub use written_memory::WrittenMemory;
+pub(crate) use written_memory::once;
 
 /// The instructions that an invocation may execute, counted at back edges, calls and stops (a
 /// trace, a call of a callable shader, a report, a barrier: 64 instructions each), unless set

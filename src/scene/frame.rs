@@ -6,7 +6,7 @@ use std::sync::Arc;
 use crate::error::{Error, ErrorKind, Result};
 use crate::machine::{Binding, Descriptor, Resources};
 use crate::ops::lane_kernel::{LaneKernel, Width};
-use crate::pipeline::{Launch, Pipeline, Stats};
+use crate::pipeline::{Launch, Pipeline, Stats, WrittenMemory};
 use crate::program::Program;
 use crate::scene::assemble::Assembled;
 use crate::scene::indirect::{indirect_size, size_buffer};
@@ -122,6 +122,15 @@ impl Assembled {
             }
         }
         Cow::Owned(own)
+    }
+
+    /// The memory of these resources that passes and rays of the scene may write.
+    pub fn written_memory(&self, resources: &Resources) -> WrittenMemory {
+        let mut written = WrittenMemory::of(self.programs(), resources);
+        for pass in &self.passes {
+            written.add(self.pass_programs(pass), &self.pass_resources(pass, resources));
+        }
+        written
     }
 
     /// The programs of a pass.

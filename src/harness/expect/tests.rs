@@ -23,7 +23,7 @@ fn expect(text: &str) -> Expectations {
 fn observed() -> Observed {
     let words = |words: &[u32]| words.iter().flat_map(|word| word.to_le_bytes()).collect::<Vec<u8>>();
     let outputs = Buffer::new(&words(&[1.0f32, 2.0, 3.0, 4.0].map(f32::to_bits)));
-    let format = Format::new(Component::Uint32, 1).expect("a format");
+    let format = Format::new(Component::Uint32, 1);
     let picture = Image::new(format, ImageShape::plane(2, 2), &words(&[10, 11, 12, 13])).expect("an image");
     let intersection = Intersection { t: 2.5, attributes: [0.25, 0.0], surface: Surface::Side };
     let candidate = Candidate { instance: 1, geometry: 0, primitive: 7, intersection, opaque: true };

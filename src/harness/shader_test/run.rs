@@ -7,7 +7,6 @@ use crate::error::{Error, Result, Trap};
 use crate::harness::bound::Bound;
 use crate::harness::data::TypedBytes;
 use crate::harness::explain::{Explanation, What};
-use crate::harness::memory::WrittenMemory;
 use crate::harness::mock::answered;
 use crate::harness::shader_outcome::ShaderOutcome;
 use crate::harness::shader_test::{RunningTest, ShaderTest};
@@ -18,6 +17,7 @@ use crate::machine::{Batch, Exit, Mask, Observer, Reg, Resources, ShaderIndex, W
 use crate::module::interface::Stage;
 use crate::ops::pointer::storage;
 use crate::ops::translate::InterfaceRegisters;
+use crate::pipeline::WrittenMemory;
 use crate::pipeline::{Event, Pipeline, trap_error, with_limit};
 use crate::sanitize::module_checks::check_module;
 use crate::sanitize::{Levels, ProgramPlan, Sanitizer, WarningReports};
