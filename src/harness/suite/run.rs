@@ -1,7 +1,7 @@
 //! Runs the tests of a suite in parallel.
 
-use std::cell::LazyCell;
 use std::path::{Path, PathBuf};
+use std::sync::LazyLock;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
@@ -69,7 +69,13 @@ impl Suite {
             }
             Ok(())
         };
-        in_order(groups.len(), options.jobs, &stop, &|at| self.group(groups[at], options), &mut take)?;
+        // Threads that have no case of their own run tests of one case.
+        let jobs = match options.jobs {
+            0 => std::thread::available_parallelism().map_or(1, usize::from),
+            jobs => jobs,
+        };
+        let each = jobs.div_ceil(groups.len().max(1));
+        in_order(groups.len(), jobs, &stop, &|at| self.group(groups[at], each, options), &mut take)?;
         result.left_out = self.tests.len() - result.tests.len();
         let written = bless(fixes, &self.limits())?;
         result.written = written.iter().map(|path| escape::path(&path).to_string()).collect();
@@ -86,8 +92,8 @@ impl Suite {
         bytes.max().map_or(limits, |most| limits.with(InputLimit::SceneBytes, most))
     }
 
-    /// Runs the chosen tests of one case.
-    fn group(&self, tests: &[Test], options: &SuiteOptions) -> Done {
+    /// Runs the chosen tests of one case on a number of threads.
+    fn group(&self, tests: &[Test], jobs: usize, options: &SuiteOptions) -> Done {
         let begin = Instant::now();
         let (case, file) = match &self.cases[tests[0].case] {
             Source::Case(case) => (case, case.scene.clone()),
@@ -102,7 +108,7 @@ impl Suite {
             Some(_) => Ok(Findings::default()),
             None => known_before(&loaded.scene, &loaded.assembled),
         };
-        let numbers = LazyCell::new(|| (module_numbers(&loaded.assembled), path_number(&file)));
+        let numbers = LazyLock::new(|| (module_numbers(&loaded.assembled), path_number(&case.scene)));
         let among_others = |findings: Findings| match findings.is_empty() {
             true => findings,
             false => findings.among_others(&numbers.0, numbers.1),
@@ -111,8 +117,7 @@ impl Suite {
             Ok(findings) => among_others(findings),
             Err(error) => return self.broken(tests, &file, &error),
         };
-        let mut ran = Vec::new();
-        for test in tests {
+        let run = |test: &Test| {
             let begin = Instant::now();
             // One recorder a test: what tests cover adds up, whichever share runs them.
             let mut recorder = options.coverage.then(Recorder::default);
@@ -145,8 +150,15 @@ impl Suite {
             let took = loading + begin.elapsed();
             let finished = Finished { name: test.name.clone(), file: file.clone(), outcome, took };
             let findings = among_others(findings);
-            ran.push(TestRun { place: test.place, finished, findings, shadow, held_stable, coverage });
-        }
+            TestRun { place: test.place, finished, findings, shadow, held_stable, coverage }
+        };
+        let mut ran = Vec::with_capacity(tests.len());
+        let mut take = |test| {
+            ran.push(test);
+            Ok(())
+        };
+        in_order(tests.len(), jobs, &AtomicBool::new(false), &|at| run(&tests[at]), &mut take)
+            .expect("bug in anyhit: a test that ran is kept");
         let notes = [&loaded.scene.notes[..], &loaded.assembled.notes, &loaded.expectations.notes].concat();
         Done { case: tests[0].case, file, tests: ran, findings, notes }
     }
