@@ -242,7 +242,7 @@ fn what_reaches_other_rows_needs_the_whole() {
     let blurred =
         "let below = textureLoad(picture, id.xy + vec2u(0u, 1u)); textureStore(picture, id.xy, below);";
     let why = refused("r32uint, read_write", blurred, size);
-    assert!(why.to_string().starts_with("RayGenerationKHR `main` may reach"), "{why}");
+    assert!(why.to_string().starts_with("RayGenerationKHR `main` may access"), "{why}");
     let own = "textureStore(picture, id.xy, vec4u(1u));";
     assert_eq!(refused("r32uint, write", own, [16, 20, 3]), NotStreamed::Depth(3));
     // Upside down bands run from the last row up, and here that would show.

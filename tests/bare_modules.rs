@@ -75,7 +75,10 @@ fn every_command_calls_a_limit_so() {
         let ran = anyhit(&[arguments, &["--limit", "registers=1"]].concat());
         assert_eq!(ran.code, Some(5), "{arguments:?}: {}{}", ran.out, ran.err);
         let text = ran.out + &ran.err;
-        assert!(text.contains("limit `registers` of 1") && !text.contains("a limitation of anyhit"), "{text}");
+        assert!(
+            text.contains("limit `registers` of 1") && !text.contains("a limitation of anyhit"),
+            "{text}"
+        );
     }
     let ran = anyhit(&["smoke", SUMS, "--json", "--limit", "registers=1"]);
     let json: serde_json::Value = serde_json::from_str(&ran.out).expect("JSON");

@@ -146,7 +146,7 @@ fn kinds_do_not_mix() {
 #[test]
 fn shapes_are_compared() {
     let text = message(block().set("cm", [[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]]));
-    assert!(text.contains("which takes [[float; 3]; 2], not [[float; 2]; 3]"), "{text}");
+    assert!(text.contains("which requires [[float; 3]; 2], not [[float; 2]; 3]"), "{text}");
     message(block().set("cm", [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]));
     message(block().set("arr", [[0.0; 2]; 3]));
     message(block().set("u", [1]));

@@ -104,7 +104,7 @@ fn ranges_that_are_none() {
     one_mistake(
         "[resources.a]\ntype = 'storage_buffer'\nbinding = 0\nsize = 8\noffset = 4\n",
         "s.toml:6:10",
-        &["`offset` is of a range of another resource", "buffer = \"NAME\""],
+        &["`offset` applies to a range of another resource", "buffer = \"NAME\""],
     );
     let twice = view("") + "[resources.again]\ntype = 'storage_buffer'\nbinding = 3\nsize = 4\n";
     one_mistake(&twice, "s.toml", &["two resources at set 0, binding 3"]);
@@ -220,7 +220,7 @@ fn elements_of_an_array_are_listed() {
     one_mistake(
         &array("[{ size = 4 }, { size = 4, offset = 8 }]"),
         "s.toml:6",
-        &["`offset` is of a range of another resource"],
+        &["`offset` applies to a range of another resource"],
     );
     one_mistake(&(array("[{ size = 4 }]") + "size = 4\n"), "s.toml:7:1", &["unknown key `size`"]);
     let again = "[resources.b]\ntype = 'storage_buffer'\nbinding = 3\nelement = 2\nsize = 4\n";

@@ -39,8 +39,8 @@ fn the_default_device_and_pipeline_refuse_nothing() {
 #[test]
 fn a_feature_that_is_off_is_named() {
     for (features, limits, pipeline, wanted) in [
-        ("spheres = false", "", "", &["holds spheres", "`spheres`", "None-10429"][..]),
-        ("linear_swept_spheres = false", "", "", &["holds linear swept spheres", "None-10419"]),
+        ("spheres = false", "", "", &["contains spheres", "`spheres`", "None-10429"][..]),
+        ("linear_swept_spheres = false", "", "", &["contains linear swept spheres", "None-10419"]),
         (
             "spheres = false",
             "",

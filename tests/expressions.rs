@@ -168,8 +168,8 @@ fn functions_are_instructions_of_the_interpreter() {
     ]);
     check(&[
         ("sni(1.0)", "column 1: no function `sni`; did you mean `sin`?"),
-        ("sin(true)", "column 1: no `sin` of bool"),
-        ("transpose(1.0)", "column 1: no `transpose` of float"),
+        ("sin(true)", "column 1: `sin` is not defined for bool"),
+        ("transpose(1.0)", "column 1: `transpose` is not defined for float"),
         ("cross(vec2(1), vec2(1))", "column 1: `cross` is not defined for vec2 and vec2"),
         ("dot(vec2(1), vec3(1))", "column 1: `dot` is not defined for vec2 and vec3"),
     ]);

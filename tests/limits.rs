@@ -267,7 +267,7 @@ fn a_loop_tells_no_numbers_of_other_values() {
     let compute = Compute::new(program).expect("a compute shader").fuel(100_000);
     let error = compute.run::<64>(&resources, [1; 3], &|_| ()).expect_err("a loop without an end").render();
     let range = |name: &str| -> Option<[u32; 2]> {
-        let (_, told) = error.split_once(&format!("`{name}` from "))?;
+        let (_, told) = error.split_once(&format!("`{name}` changed from "))?;
         let (from, told) = told.split_once(" to ")?;
         let to = told.split(|other: char| !other.is_ascii_digit()).next()?;
         Some([from.parse().ok()?, to.parse().ok()?])

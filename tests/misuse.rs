@@ -223,7 +223,7 @@ fn sizes_that_no_memory_has() {
     invalid(buffers.reserve("huge", usize::MAX), "`buffer-bytes`");
     refused(Image::plane(Format::RGBA32F, 0, 1), ErrorKind::InvalidImage, "has no texels");
     let most = ImageShape::plane(u32::MAX, u32::MAX);
-    refused(Image::zeroed(Format::RGBA32F, most), ErrorKind::InvalidImage, "no memory");
+    refused(Image::zeroed(Format::RGBA32F, most), ErrorKind::InvalidImage, "not enough memory");
     let image = Image::plane(Format::RGBA32F, 2, 1).unwrap();
     assert_eq!((image.level_extent(1), image.level_bytes(1)), ([0; 3], Vec::new()));
 }

@@ -127,7 +127,7 @@ fn an_image_without_a_declared_format_has_numbers_of_the_declared_class() {
     let half = plane(Component::Float16, 4);
     assert!(test(unorm.clone(), uint.clone(), half.clone()).run().is_ok());
     assert!(test(plane(Component::SharedExponent, 3), uint.clone(), half.clone()).run().is_ok());
-    let integers = ["set 1, binding 2", "unsigned integers (rg16ui)", "declares floats there (`floats`)"];
+    let integers = ["set 1, binding 2", "unsigned integers (rg16ui)", "declares floats (`floats`)"];
     invalid(test(uint.clone(), uint.clone(), half.clone()).run(), &integers);
     let signed = ["binding 3", "signed integers (r32i)", "declares unsigned integers", "`counts`"];
     invalid(test(unorm.clone(), plane(Component::Sint32, 1), half.clone()).run(), &signed);

@@ -489,6 +489,6 @@ fn a_case_of_an_unknown_family_is_saved_nowhere() {
     let cases = at(&folder, "cases");
     let ran = merge(&files, &["--save", &cases]);
     assert_eq!(ran.code, Some(2), "{}{}", ran.out, ran.err);
-    assert!(ran.err.contains("the family `../outside`"), "{}", ran.err);
+    assert!(ran.err.contains("the unknown family `../outside`"), "{}", ran.err);
     assert!(!folder.join("outside-1-0.toml").exists() && !Path::new(&cases).exists());
 }

@@ -292,8 +292,8 @@ fn variables_and_memory_are_set() {
     ]);
     let refused = [
         ("result + 1", "1", "column 8: only variables and their parts can be set"),
-        ("index", "1.5", "column 1: float is no uint: write uint(...)"),
-        ("normal", "vec2(1)", "column 1: vec2 is no vec3"),
+        ("index", "1.5", "column 1: cannot convert float to uint: write uint(...)"),
+        ("normal", "vec2(1)", "column 1: cannot convert vec2 to vec3"),
         ("samples", "1", "column 1: it is a value, not a variable: the compiler may have used it already"),
         ("gl_LocalInvocationIndex", "1", "column 1: `gl_LocalInvocationIndex` is an input of the shader"),
         ("items[9]", "1", "column 6: 9 is outside the 4 elements of float[]"),

@@ -368,7 +368,7 @@ fn mistakes_show_the_layout() {
         refused(&sun(value), &[&layout[..], &[message]].concat());
     }
     for (value, message) in [
-        ("useSky = -1", "uint goes from 0 to 4294967295"),
+        ("useSky = -1", "uint ranges from 0 to 4294967295"),
         ("useSky = 0.5", "`useSky` is uint: expected an integer, found a float"),
         ("instances = 'x'", "expected `{ address_of = \"BUFFER\" }` or a number"),
         ("flat = 3", "`flat` is mat2x3: expected an array of its columns"),

@@ -297,7 +297,7 @@ mod tests {
         let short = MicromapTriangle { states: vec![0; 3], ..triangle.clone() };
         assert!(map(&short, None).mistake(1).is_some_and(|text| text.contains("16 microtriangles need 4")));
         let deep = MicromapTriangle { subdivision_level: 13, ..triangle.clone() };
-        assert!(map(&deep, None).mistake(1).is_some_and(|text| text.contains("13 times")));
+        assert!(map(&deep, None).mistake(1).is_some_and(|text| text.contains("level 13")));
         let indices = vec![MicromapIndex::Special(Opacity::Opaque), MicromapIndex::Triangle(1)];
         assert!(map(&triangle, Some(indices)).mistake(2).is_some_and(|text| text.contains("index 1")));
     }

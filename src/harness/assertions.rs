@@ -389,7 +389,7 @@ mod tests {
         let text = message(|| {
             assert_near!(outcome.payload["t"].f32(), 1.0, absolute = 0.5, relative = 0.5, outcome)
         });
-        assert!(text.contains("7.5e-1 away and 5e-1 allowed; expected"), "{text}");
+        assert!(text.contains("7.5e-1 away (allowed: 5e-1); expected"), "{text}");
         assert!(text.contains("ObjectRayOriginKHR"), "{text}");
         let text = message(|| assert_ulps!([1.0f32], [1.0, 2.0], 1));
         assert!(text.contains("found 1 numbers, expected 2"), "{text}");

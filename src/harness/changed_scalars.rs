@@ -8,7 +8,7 @@ use crate::module::ty::Type;
 use crate::ops::translate::array_length;
 
 /// A scalar that differs: its path, its offset in bytes, and both values.
-type Visit<'v> = dyn FnMut(&str, usize, [Leaf; 2]) + 'v;
+type ScalarVisitor<'v> = dyn FnMut(&str, usize, [Leaf; 2]) + 'v;
 
 /// Visits every scalar whose bytes differ between two states of a value, with a path as
 /// [`Value::scalars`](crate::harness::value::Value) has it: `path.normal[2]`. Parts that either
@@ -16,13 +16,18 @@ type Visit<'v> = dyn FnMut(&str, usize, [Leaf; 2]) + 'v;
 ///
 /// Members may share their bytes, so that a few types make any number of parts: the walk ends
 /// after some sixty visits of all bytes.
-pub(super) fn changed_scalars(layout: Layout<'_>, states: [&[u8]; 2], visit: &mut Visit<'_>) {
+pub(super) fn changed_scalars(layout: Layout<'_>, states: [&[u8]; 2], visit: &mut ScalarVisitor<'_>) {
     let budget = states[0].len().saturating_mul(64).saturating_add(1 << 16);
     Walk { path: String::new(), budget, visit }.part(layout, 0, states);
 }
 
 /// As [`changed_scalars`], for a list of elements.
-pub(super) fn changed_elements(layout: Layout<'_>, stride: usize, states: [&[u8]; 2], visit: &mut Visit<'_>) {
+pub(super) fn changed_elements(
+    layout: Layout<'_>,
+    stride: usize,
+    states: [&[u8]; 2],
+    visit: &mut ScalarVisitor<'_>,
+) {
     let budget = states[0].len().saturating_mul(64).saturating_add(1 << 16);
     Walk { path: String::new(), budget, visit }.elements(layout, usize::MAX, stride, 0, states);
 }
@@ -31,7 +36,7 @@ struct Walk<'v> {
     path: String,
     /// Parts that may still be visited.
     budget: usize,
-    visit: &'v mut Visit<'v>,
+    visit: &'v mut ScalarVisitor<'v>,
 }
 
 impl Walk<'_> {

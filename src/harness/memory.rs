@@ -80,7 +80,7 @@ mod tests {
                 _ => continue,
             };
             if !is_written {
-                assert!(is_same, "{}: {before:?} was written", path.display());
+                assert!(is_same, "{path:?}: {before:?} was written");
                 count += 1;
             }
         }

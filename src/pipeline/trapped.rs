@@ -449,11 +449,11 @@ mod tests {
         );
         assert!(
             note(TrapCode::HitRecordMissing, 3)
-                .ends_with("3 records: `hit` of the scene's [pipeline], or PipelineBuilder::hit")
+                .ends_with("3 records: see `hit` of the scene's [pipeline], or PipelineBuilder::hit")
         );
         assert!(
             note(TrapCode::MissRecordMissing, 1)
-                .ends_with("1 record: `miss` of the scene's [pipeline], or PipelineBuilder::miss")
+                .ends_with("1 record: see `miss` of the scene's [pipeline], or PipelineBuilder::miss")
         );
         assert!(unusable_record(&sbt, TrapCode::RecursionTooDeep, 0, None).is_none());
         assert_eq!(

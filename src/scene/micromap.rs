@@ -145,7 +145,7 @@ mod tests {
     #[test]
     fn mistakes_are_reported_at_their_place() {
         let said = |text: &str| read(text).unwrap_err().render();
-        assert!(said("opacity_micromap = { triangles = [[0, 1, 1]] }").contains("3 states"));
+        assert!(said("opacity_micromap = { triangles = [[0, 1, 1]] }").contains("found 3"));
         assert!(said("opacity_micromap = { triangles = [[4]] }").contains("0 to 3"));
         let two = said("opacity_micromap = { format = \"2_state\", triangles = [[2]] }");
         assert!(two.contains("transparent (0) and opaque (1)"), "{two}");

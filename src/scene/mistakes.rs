@@ -355,7 +355,7 @@ fn buffers_images_and_sizes() {
         "s/a.toml:5:12",
         &["two resources at set 0, binding 0", "the other one"],
     );
-    one_mistake("launch = [65536, 65536]\n", "s/a.toml:2:10", &["4294967296 invocations"]);
+    one_mistake("launch = [65536, 65536]\n", "s/a.toml:2:10", &["found 4294967296"]);
     one_mistake("launch = [0]\n", "s/a.toml:2:10", &["0 invocations"]);
     one_mistake(
         "launch = [4, 4]\n[[ray]]\npixel = [4, 0]\n",

@@ -489,7 +489,7 @@ mod tests {
                 "[[pass]]\nshader = 'all'\nresources = { image = 'buffer' }\n[resources.buffer]\n\
                  type = 'buffer'\nsize = 4\n[resources.image]\ntype = 'storage_image'\nbinding = 0\n\
                  format = 'r32f'\n",
-                "`buffer` is a buffer, and `image` is an image",
+                "`buffer` is a buffer, but `image` is an image",
             ),
             (
                 "[[pass]]\nshader = 'all'\nresources = { a = 'b' }\n[resources.a]\ntype = 'buffer'\nsize = 4\n\

@@ -241,7 +241,7 @@ fn the_report_tells_what_the_variables_of_the_loop_did() {
     let text = error.render();
     assert_code(&error, TrapCode::OutOfFuel);
     assert!(text.contains("launch id (3, 0, 0)"), "{text}");
-    assert!(text.contains("changed `turns` from 1 to "), "{text}");
+    assert!(text.contains("`turns` changed from 1 to "), "{text}");
     assert!(text.contains("fuel = 4096 "), "{text}");
 }
 
@@ -269,7 +269,7 @@ fn a_variable_that_does_not_change_is_told() {
     }
     .refused();
     let text = error.render();
-    assert!(text.contains("`turn` from 2 to ") && text.contains("unchanged: `step` = 0"), "{text}");
+    assert!(text.contains("`turn` changed from 2 to ") && text.contains("unchanged: `step` = 0"), "{text}");
 }
 
 fn shader(stage: &str, declarations: &str, body: &str) -> Program {
@@ -525,6 +525,6 @@ fn the_clock_ends_a_launch_and_a_batch() {
         let text = error.render();
         assert!(text.contains(&format!("the limit is {name} = 0.25 s")), "{text}");
         assert!(text.contains("depends on the machine"), "{text}");
-        assert!(text.contains("changed `turns` from "), "{text}");
+        assert!(text.contains("`turns` changed from "), "{text}");
     }
 }

@@ -240,7 +240,7 @@ fn layouts_that_differ_are_refused() {
         ..Shader::default()
     };
     let error = shader.run_with(&mut blocks).expect_err("two layouts");
-    assert_eq!(error.message(), "a pointer into matrices of different layouts");
+    assert_eq!(error.message(), "a pointer into matrices of different layouts is not supported");
 }
 
 #[test]

@@ -156,3 +156,34 @@ fn nothing_is_stored_to_shader_records_and_push_constants() {
         assert_eq!(verdict(&shader).0, ErrorKind::InvalidModule, "{class}");
     }
 }
+
+/// SPIR-V 3.3.10, OpImageQuerySize: one component for 1D and Buffer, two for 2D, Cube and Rect,
+/// three for 3D, and one more for arrays.
+#[test]
+fn the_size_of_an_image_has_as_many_components_as_the_image_has_dimensions() {
+    let query = |image: &str, components: usize| {
+        let declarations = format!(
+            "%image_type = OpTypeImage %uint {image} 2 R32ui
+             %ptr_image = OpTypePointer UniformConstant %image_type
+             %image = OpVariable %ptr_image UniformConstant"
+        );
+        let ty = ["%uint", "%uint2", "%uint3", "%uint4"][components - 1];
+        let body = format!("%i = OpLoad %image_type %image\n%size = OpImageQuerySize {ty} %i");
+        let shader = Shader {
+            capabilities: "OpCapability ImageQuery\nOpCapability Image1D",
+            annotations: "OpDecorate %image DescriptorSet 0\nOpDecorate %image Binding 9",
+            declarations: &declarations,
+            body: &body,
+            ..Shader::default()
+        };
+        shader.run_with(&mut Resources::default).map_err(|error| error.kind())
+    };
+    for (image, expected) in
+        [("1D 0 0 0", 1), ("1D 0 1 0", 2), ("2D 0 0 0", 2), ("2D 0 1 0", 3), ("3D 0 0 0", 3)]
+    {
+        for components in 1..=4 {
+            let found = query(image, components);
+            assert_eq!(found == Err(ErrorKind::InvalidModule), components != expected, "{image}: {found:?}");
+        }
+    }
+}

@@ -350,7 +350,7 @@ impl Arguments {
                 let beyond = given.iter().flatten().filter_map(|one| one.element).find(|at| *at >= bound);
                 if let Some(at) = beyond {
                     return Err(invalid(format!(
-                        "set {set}, binding {} has no element {at}: {bound} elements are bound",
+                        "set {set}, binding {} has no element {at} (bound elements: {bound})",
                         binding.binding
                     )));
                 }
@@ -722,7 +722,7 @@ mod tests {
             let module = Path::new("spirv-fixtures/pass/compute/prefix-sum/main.comp.spv");
             let error =
                 arguments.scene(module, None, InputLimits::default(), false).err().expect("no such element");
-            let wanted = format!("set 0, binding 1 has no element {element}: 1 are bound");
+            let wanted = format!("set 0, binding 1 has no element {element} (bound elements: 1)");
             assert_eq!(error.message(), wanted);
         }
     }

@@ -108,7 +108,7 @@ fn exceeded(
     what: &str,
     because: Option<&String>,
 ) -> Difference {
-    let message = format!("{key}: a ray needs {} {what}, but only {} are allowed", most.count, limit.value);
+    let message = format!("{key}: a ray needs {} {what} (allowed: {})", most.count, limit.value);
     let mut difference =
         Difference::new(&limit.span, message, because).mended(&limit.span, most.count.to_string(), because);
     if let Some([x, y, z]) = most.launch_id {

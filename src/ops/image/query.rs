@@ -94,6 +94,17 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
     let view = view_of(translator, id)?;
     let image = translator.words(id)?[0];
     let to = texel_result(translator, instruction, false, false)?;
+    let expected = match property {
+        ImageProperty::Size(_) => view.dimension.axes() as u32 + u32::from(view.dimension.is_arrayed()),
+        ImageProperty::Levels | ImageProperty::Samples => 1,
+    };
+    if to.count != expected {
+        let message = format!("the result of a query has {} components instead of {expected}", to.count);
+        return Err(translator.invalid(message).note(
+            "SPIR-V 3.3.10, OpImageQuerySize: one component for each dimension of the image, and one for \
+             the array",
+        ));
+    }
     translator.emit(Operation::Image(ImageOp::Query(QueryOp { to, view, image, property })));
     Ok(true)
 }

@@ -203,7 +203,7 @@ mod tests {
         assert_eq!(check(None), Ok(()));
         for shrunk in 0..9 {
             let Failure(what) = check(Some(shrunk)).expect_err("a ball is lost");
-            assert!(what.contains("loses") && what.contains(&format!("shape: {shrunk},")), "{what}");
+            assert!(what.contains("misses") && what.contains(&format!("shape: {shrunk},")), "{what}");
         }
     }
 }

@@ -69,7 +69,7 @@ fn broken_files_say_what_is_wrong() {
     for (text, data, wanted) in [
         ("{".to_string(), bytes(), "not glTF"),
         (good.clone(), bytes()[..20].to_vec(), "buffer 0 has 20 bytes"),
-        (good.replace(r#""count":4"#, r#""count":5"#), bytes(), "accessor 0 reaches beyond"),
+        (good.replace(r#""count":4"#, r#""count":5"#), bytes(), "accessor 0 extends beyond"),
         (
             good.replace(r#""count":3"#, r#""count":900000000"#),
             bytes(),
