@@ -146,13 +146,18 @@ impl Tolerance {
     /// What is wrong with bits of a type where a number is expected; `None` if nothing is.
     pub fn difference(self, scalar: NumberType, expected: &ExpectedNumber, found: u64) -> Option<String> {
         let ExpectedNumber::Number(bits, exact) = *expected else { return None };
-        // A number beyond the range of the type is not the infinity that it rounds to.
-        let is_beyond = exact.is_finite() && !scalar.value(bits).is_finite();
+        // A number beyond the range of the type is not the infinity that it rounds to, and one that
+        // is not 0 is not the 0 that it rounds to.
+        let is_beyond =
+            exact.is_finite() && !scalar.value(bits).is_finite() || exact != 0.0 && scalar.value(bits) == 0.0;
         if bits == found && !is_beyond || scalar.is_nan(bits) && scalar.is_nan(found) {
             return None;
         }
         let value = scalar.value(found);
-        let distance = (value - exact).abs();
+        let distance = match scalar.integer(bits).zip(scalar.integer(found)) {
+            Some((wanted, found)) => (found - wanted).unsigned_abs() as f64,
+            None => (value - exact).abs(),
+        };
         let holds = distance.is_finite()
             && match self {
                 Self::Exact => false,

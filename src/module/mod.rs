@@ -15,6 +15,7 @@ pub mod debug_info;
 mod debug_reader;
 mod debug_scope_reader;
 pub mod debug_scopes;
+pub(crate) mod decimal;
 mod declare_constant;
 mod declare_type;
 pub mod decoration;

@@ -2,10 +2,12 @@
 //!
 //! * A bool becomes a `bool`.
 //! * An integer becomes an integer of any width and sign whose range holds it, or a device address.
+//!   In files and languages that write floats without a point, also a float that has the number.
 //! * A float becomes a float of any format, rounded once to nearest even. What overflows, and what
 //!   is not 0 and rounds to 0, is refused; NaN and infinities stay.
 
 use crate::math::float_format::FloatFormat;
+use crate::module::decimal::{judge_rounding, whole_bits};
 use crate::module::ty::Type;
 
 /// One scalar, as a value of Rust that a shader's value can be set to.
@@ -22,6 +24,9 @@ pub enum ScalarValue {
     Float(f32),
     /// `f64`
     Double(f64),
+    /// An integer of a language that writes floats without a point, too: also a float that has it.
+    #[doc(hidden)]
+    Whole(i128),
 }
 
 macro_rules! from {
@@ -61,7 +66,7 @@ impl ScalarValue {
     pub(crate) fn kind(self) -> &'static str {
         match self {
             Self::Bool(_) => "bool",
-            Self::Int(_) | Self::Uint(_) => "integer",
+            Self::Int(_) | Self::Uint(_) | Self::Whole(_) => "integer",
             Self::Float(_) | Self::Double(_) => "float",
         }
     }
@@ -74,6 +79,7 @@ impl ScalarValue {
             Self::Uint(value) => value.to_string(),
             Self::Float(value) => format!("{value:?}"),
             Self::Double(value) => format!("{value:?}"),
+            Self::Whole(value) => value.to_string(),
         }
     }
 
@@ -81,15 +87,22 @@ impl ScalarValue {
     ///
     /// # Errors
     /// Why the type has no such value, in words.
-    pub(crate) fn bits(self, ty: &Type) -> Result<u64, String> {
+    #[doc(hidden)]
+    pub fn bits(self, ty: &Type) -> Result<u64, String> {
         match (ty, self) {
             (Type::Bool, Self::Bool(value)) => Ok(value.into()),
-            (&Type::Int { width, signed }, Self::Int(_) | Self::Uint(_)) => self.integer_bits(width, signed),
-            (Type::Pointer { .. }, Self::Int(_) | Self::Uint(_)) => self.integer_bits(64, false),
-            (Type::Float { .. }, Self::Float(_) | Self::Double(_)) => match ty.float_format() {
-                Some(format) => self.float_bits(format),
-                None => Err(format!("the {} has an unknown encoding", type_name(ty))),
-            },
+            (&Type::Int { width, signed }, Self::Int(_) | Self::Uint(_) | Self::Whole(_)) => {
+                self.integer_bits(width, signed)
+            }
+            (Type::Pointer { .. }, Self::Int(_) | Self::Uint(_) | Self::Whole(_)) => {
+                self.integer_bits(64, false)
+            }
+            (Type::Float { .. }, Self::Float(_) | Self::Double(_) | Self::Whole(_)) => {
+                match ty.float_format() {
+                    Some(format) => self.float_bits(format),
+                    None => Err(format!("the {} has an unknown encoding", type_name(ty))),
+                }
+            }
             (Type::Float { .. }, Self::Int(_) | Self::Uint(_)) => {
                 Err(format!("{} is an integer, not a float: write `{}.0`", self.text(), self.text()))
             }
@@ -105,6 +118,7 @@ impl ScalarValue {
         let value = match self {
             Self::Int(value) => i128::from(value),
             Self::Uint(value) => i128::from(value),
+            Self::Whole(value) => value,
             _ => return Err(format!("{} is {}, not an integer", self.text(), with_article(self.kind()))),
         };
         let (least, most) = match signed {
@@ -125,42 +139,19 @@ impl ScalarValue {
     /// # Errors
     /// Where it overflows, or is not 0 and rounds to 0, or is no float.
     pub(crate) fn float_bits(self, format: FloatFormat) -> Result<u64, String> {
+        let ty = format_name(format);
         let value = match self {
             // The bits of a NaN stay.
             Self::Float(value) if format == FloatFormat::Binary32 => return Ok(value.to_bits().into()),
             Self::Float(value) => f64::from(value),
             Self::Double(value) => value,
+            Self::Whole(value) => {
+                let digits = value.to_string();
+                return whole_bits(&digits, format).map_err(|misfit| misfit.describe(&digits, ty));
+            }
             _ => return Err(format!("{} is {}, not a float", self.text(), with_article(self.kind()))),
         };
-        let ty = format_name(format);
-        judge_rounding(value, format.round(value), format).map_err(|misfit| match misfit {
-            FloatMisfit::Overflows => format!("{} is out of the range of {ty}", self.text()),
-            FloatMisfit::Vanishes => format!("{} is too small for {ty}: it rounds to 0", self.text()),
-            FloatMisfit::NoInfinity => format!("{ty} has no infinity"),
-        })
-    }
-}
-
-/// Why a float format has no number that a value could become.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum FloatMisfit {
-    Overflows,
-    /// It is not 0, and rounds to 0.
-    Vanishes,
-    NoInfinity,
-}
-
-/// Returns the bits to which a value was rounded in a format.
-///
-/// # Errors
-/// Where they are no rounding of the value, but the loss of it.
-pub(crate) fn judge_rounding(value: f64, bits: u64, format: FloatFormat) -> Result<u64, FloatMisfit> {
-    let rounded = format.value(bits);
-    match () {
-        () if value.is_finite() && !rounded.is_finite() => Err(FloatMisfit::Overflows),
-        () if value.is_infinite() && !rounded.is_infinite() => Err(FloatMisfit::NoInfinity),
-        () if value != 0.0 && rounded == 0.0 => Err(FloatMisfit::Vanishes),
-        () => Ok(bits),
+        judge_rounding(value, format.round(value), format).map_err(|misfit| misfit.describe(&self.text(), ty))
     }
 }
 

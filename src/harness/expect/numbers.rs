@@ -1,8 +1,11 @@
 //! Numbers of an expectation as a scene file writes them, with their types and tolerances.
 
 use crate::harness::number::{ExpectedNumber, NumberType, Tolerance};
-use crate::module::scalar_value::{FloatMisfit, judge_rounding};
+use crate::math::float_format::FloatFormat;
+use crate::module::decimal::{FloatMisfit, decimal_bits, decimal_value};
 use crate::scene::read::{Parse, Spanned, Table, TomlValue};
+use crate::scene::scalar::float_bits;
+use crate::scene::tree::Toml;
 
 const SCALARS: [(&str, NumberType); 14] = [
     ("f16", NumberType::F16),
@@ -23,21 +26,10 @@ const SCALARS: [(&str, NumberType); 14] = [
 
 impl NumberType {
     fn read(self, value: TomlValue<'_>) -> Option<(u64, f64)> {
-        // The unrounded value counts where a tolerance is given.
-        let exact = if self.is_float() { f64::parse(value)? } else { 0.0 };
+        if let Some(format) = self.format() {
+            return self.read_float(value, format);
+        }
         let bits = match self {
-            Self::F32 => f32::parse(value).map(|number| u64::from(number.to_bits())),
-            Self::F16 | Self::F64 | Self::Bf16 | Self::E4m3 | Self::E5m2 => {
-                let (number, format) = f64::parse(value).zip(self.format())?;
-                let bits = format.round(number);
-                let misfit = judge_rounding(number, bits, format).err();
-                // With a tolerance 0 may be near enough.
-                if misfit.is_some_and(|misfit| misfit != FloatMisfit::Vanishes) {
-                    let name = SCALARS.iter().find(|(_, scalar)| *scalar == self).map_or("", |found| found.0);
-                    return value.wrong(format!("`{number}` is beyond the range of {name}"));
-                }
-                Some(bits)
-            }
             Self::U8 => u8::parse(value).map(u64::from),
             Self::U16 => u16::parse(value).map(u64::from),
             Self::U32 => u32::parse(value).map(u64::from),
@@ -45,9 +37,24 @@ impl NumberType {
             Self::I8 => i8::parse(value).map(|number| u64::from(number as u8)),
             Self::I16 => i16::parse(value).map(|number| u64::from(number as u16)),
             Self::I32 => i32::parse(value).map(|number| u64::from(number as u32)),
-            Self::I64 => i64::parse(value).map(|number| number as u64),
+            _ => i64::parse(value).map(|number| number as u64),
         }?;
-        Some((bits, if self.is_float() { exact } else { self.value(bits) }))
+        Some((bits, self.value(bits)))
+    }
+
+    /// The bits, and the value that is not rounded: it counts where a tolerance is given, with
+    /// which 0 may be near enough to what rounds to it.
+    fn read_float(self, value: TomlValue<'_>, format: FloatFormat) -> Option<(u64, f64)> {
+        if let Toml::Float(text) = value.toml()
+            && decimal_bits(text, format) == Err(FloatMisfit::Vanishes)
+        {
+            let exact = decimal_value(text)?;
+            return Some((format.round(0.0_f64.copysign(exact)), exact));
+        }
+        let name = SCALARS.iter().find(|(_, scalar)| *scalar == self).map_or("", |found| found.0);
+        let bits = float_bits(value, format, name)?;
+        let (Toml::Float(text) | Toml::Integer(text, _)) = value.toml() else { return None };
+        Some((bits, decimal_value(text)?))
     }
 }
 

@@ -137,7 +137,7 @@ macro_rules! floats {
                 };
                 match text.parse::<$ty>() {
                     Ok(number) if number.is_infinite() && !named_infinity => {
-                        value.wrong(format!("`{text}` is beyond the range of {}", stringify!($ty)))
+                        value.wrong(format!("`{text}` is out of the range of {}", stringify!($ty)))
                     }
                     Ok(number) => match value.toml() {
                         Toml::Integer(digits, _) if digits.parse() != Ok(number as i128) => value.wrong(
