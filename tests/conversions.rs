@@ -2,6 +2,8 @@
 //!
 //! The modules are `spirv-fixtures/pass/harness/conversions`; the values follow from their sources.
 
+pub mod rule;
+
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
@@ -329,32 +331,8 @@ mod random {
     use dashu_ratio::RBig;
     use proptest::prelude::*;
 
+    use super::rule::{DOUBLE, Exact, FLOAT, HALF, Target, integer};
     use super::*;
-
-    /// A scalar type of a shader.
-    #[derive(Clone, Copy, Debug)]
-    enum Target {
-        Integer {
-            width: u32,
-            signed: bool,
-        },
-        /// Bits of the significand without the leading one, the exponents of the least and of the
-        /// greatest normal number.
-        Float {
-            significand: i64,
-            least: i64,
-            greatest: i64,
-        },
-        Bool,
-    }
-
-    const fn integer(width: u32, signed: bool) -> Target {
-        Target::Integer { width, signed }
-    }
-
-    const HALF: Target = Target::Float { significand: 10, least: -14, greatest: 15 };
-    const FLOAT: Target = Target::Float { significand: 23, least: -126, greatest: 127 };
-    const DOUBLE: Target = Target::Float { significand: 52, least: -1022, greatest: 1023 };
 
     /// Members of `Block` in `types.comp`.
     const MEMBERS: [(&str, Target); 9] = [
@@ -369,79 +347,24 @@ mod random {
         ("d", DOUBLE),
     ];
 
-    /// What a value becomes.
-    #[derive(Clone, Debug, PartialEq)]
-    enum Taken {
-        Integer(i128),
-        Float(f64),
-        Bool(bool),
-    }
-
-    fn two_to(exponent: i64) -> RBig {
-        RBig::from(2u8).pow(exponent as isize)
-    }
-
-    /// The nearest float of a format, ties to even; `None` where it overflows or vanishes.
-    fn nearest(value: f64, significand: i64, least: i64, greatest: i64) -> Option<f64> {
-        if value == 0.0 || !value.is_finite() {
-            return Some(value);
-        }
-        let exact = RBig::try_from(value.abs()).expect("a finite number");
-        let exponent = (((value.abs().to_bits() >> 52) as i64) - 1023).max(least);
-        let step = two_to(exponent - significand);
-        let (two, ratio) = (RBig::from(2u8), exact / step.clone());
-        let steps = RBig::from(ratio.floor());
-        let rest = (ratio - steps.clone()) * two.clone();
-        let is_odd = RBig::from((steps.clone() / two.clone()).floor()) * two != steps;
-        let up = rest > RBig::ONE || rest == RBig::ONE && is_odd;
-        let rounded = if up { steps + RBig::ONE } else { steps } * step;
-        if rounded >= two_to(greatest + 1) || rounded == RBig::ZERO {
-            return None;
-        }
-        Some(rounded.to_f64().value().copysign(value))
-    }
-
-    /// The rule of docs/testing.md, "What a value may be".
-    fn rule(value: ScalarValue, target: Target, is_buffer: bool) -> Option<Taken> {
-        let whole = match value {
-            ScalarValue::Int(value) => Some(i128::from(value)),
-            ScalarValue::Uint(value) => Some(i128::from(value)),
-            ScalarValue::Bool(value) if is_buffer && matches!(target, Target::Integer { width: 32, .. }) => {
-                Some(i128::from(value))
-            }
-            _ => None,
+    /// What the rule makes of a value of Rust.
+    fn taken(value: ScalarValue, target: Target, is_buffer: bool) -> Option<Exact> {
+        let given = match value {
+            ScalarValue::Int(value) => Exact::Integer(RBig::from(value)),
+            ScalarValue::Uint(value) => Exact::Integer(RBig::from(value)),
+            ScalarValue::Bool(value) => Exact::Bool(value),
+            ScalarValue::Float(value) => Exact::of_float(value.into()),
+            ScalarValue::Double(value) => Exact::of_float(value),
+            other => panic!("{other:?}"),
         };
-        match (target, value) {
-            (Target::Integer { width, signed }, _) => {
-                let least = if signed { -(1i128 << (width - 1)) } else { 0 };
-                let most = (1i128 << (width - u32::from(signed))) - 1;
-                whole.filter(|whole| (least..=most).contains(whole)).map(Taken::Integer)
-            }
-            (Target::Float { significand, least, greatest }, ScalarValue::Float(value)) => {
-                nearest(value.into(), significand, least, greatest).map(Taken::Float)
-            }
-            (Target::Float { significand, least, greatest }, ScalarValue::Double(value)) => {
-                nearest(value, significand, least, greatest).map(Taken::Float)
-            }
-            (Target::Bool, ScalarValue::Bool(value)) => Some(Taken::Bool(value)),
-            _ => None,
-        }
+        rule::rule(&given, target, false, is_buffer)
     }
 
-    fn read(value: &Value, target: Target) -> Taken {
+    fn read(value: &Value, target: Target) -> Exact {
         match target {
-            Target::Integer { .. } => Taken::Integer(value.integer()),
-            Target::Float { .. } => Taken::Float(value.f64()),
-            Target::Bool => Taken::Bool(value.bool()),
-        }
-    }
-
-    fn agree(found: Option<Taken>, wanted: Option<Taken>) -> bool {
-        match (&found, &wanted) {
-            (Some(Taken::Float(one)), Some(Taken::Float(two))) => {
-                one.to_bits() == two.to_bits() || one.is_nan() && two.is_nan()
-            }
-            _ => found == wanted,
+            Target::Integer { .. } => Exact::Integer(RBig::from(value.integer())),
+            Target::Float(_) => Exact::of_float(value.f64()),
+            Target::Bool => Exact::Bool(value.bool()),
         }
     }
 
@@ -475,7 +398,7 @@ mod random {
         fn members_of_blocks_take_what_the_rule_allows(value in scalar(), member in 0..MEMBERS.len()) {
             let (path, target) = MEMBERS[member];
             let found = block().set(path, value).ok().map(|data| read(&data.value()[path], target));
-            prop_assert!(agree(found.clone(), rule(value, target, true)), "{path}: {found:?}");
+            prop_assert_eq!(found, taken(value, target, true), "{}", path);
         }
     }
 
@@ -487,13 +410,18 @@ mod random {
             let (path, target) = [("hits", integer(32, false)), ("h", HALF), ("i", integer(64, true)), ("flag", Target::Bool)][member];
             let given = payload().payload_member(path, value).run().ok();
             // The shader counts: `hits` by 5 + 2, `i` by -1.
-            let wanted = rule(value, target, false).map(|taken| match (path, taken) {
-                ("hits", Taken::Integer(hits)) => Taken::Integer((hits + 7) & 0xFFFF_FFFF),
-                ("i", Taken::Integer(i)) => Taken::Integer(i128::from((i as i64).wrapping_sub(1))),
+            let wraps = |whole: RBig, bits: i64, least: RBig| {
+                let count = rule::two_to(bits);
+                let turns = RBig::from(((whole.clone() - least) / count.clone()).floor());
+                Exact::Integer(whole - turns * count)
+            };
+            let wanted = taken(value, target, false).map(|value| match (path, value) {
+                ("hits", Exact::Integer(hits)) => wraps(hits + RBig::from(7), 32, RBig::ZERO),
+                ("i", Exact::Integer(i)) => wraps(i - RBig::ONE, 64, -rule::two_to(63)),
                 (_, other) => other,
             });
             let found = given.map(|outcome| read(&outcome.payload[path], target));
-            prop_assert!(agree(found.clone(), wanted), "{path}: {found:?}");
+            prop_assert_eq!(found, wanted, "{}", path);
         }
 
         #[test]
@@ -504,19 +432,19 @@ mod random {
                 let outcome = types_of(&Arc::new(module)).run().unwrap();
                 let word = outcome.read_buffer::<u32>(0, 3).unwrap()[8 + constant];
                 match constant {
-                    0 => Taken::Integer(word.into()),
-                    1 => Taken::Float(f32::from_bits(word).into()),
-                    _ => Taken::Bool(word != 0),
+                    0 => Exact::Integer(RBig::from(word)),
+                    1 => Exact::of_float(f32::from_bits(word).into()),
+                    _ => Exact::Bool(word != 0),
                 }
             });
-            prop_assert!(agree(found.clone(), rule(value, target, false)), "{id}: {found:?}");
+            prop_assert_eq!(found, taken(value, target, false), "{}", id);
         }
 
         #[test]
         fn builtins_take_what_the_rule_allows(value in scalar()) {
             let test = payload().builtin("RayTmaxKHR", value);
-            let found = test.run().ok().map(|outcome| Taken::Float(outcome.payload["c"].vec3()[2].into()));
-            prop_assert!(agree(found.clone(), rule(value, FLOAT, false)), "{found:?}");
+            let found = test.run().ok().map(|outcome| Exact::of_float(outcome.payload["c"].vec3()[2].into()));
+            prop_assert_eq!(found, taken(value, FLOAT, false));
         }
     }
 }

@@ -107,6 +107,8 @@ mod support_table;
 mod swept_sphere_tables;
 mod test_command;
 mod test_files;
+#[cfg(all(feature = "scenes", feature = "wgsl"))]
+mod toml_conversions;
 mod trace_one_ray;
 mod traps;
 mod traversal_lints;

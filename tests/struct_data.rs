@@ -363,7 +363,7 @@ fn mistakes_show_the_layout() {
         ("direction = [1, 2], power = 1", "`direction` is vec3: expected 3 elements, found 2"),
         ("direction = 1, power = 1", "`direction` is vec3: expected an array, found an integer"),
         ("direction = [1, 2, 3], power = 'x'", "`power` is float: expected a number, found a string"),
-        ("direction = [1, 2, 3], power = 1e39", "`1e39` is beyond the range of f32"),
+        ("direction = [1, 2, 3], power = 1e39", "`1e39` is out of the range of float"),
     ] {
         refused(&sun(value), &[&layout[..], &[message]].concat());
     }

@@ -219,7 +219,7 @@ fn row_misfit(
             false => HostScalar { size: 0, ..host },
         };
         if let Some(why) = scalar.misfit(host, own) {
-            let path = path_at(layout, scalar.offset);
+            let path = layout.path_at(scalar.offset);
             return Some(format!("`{path}` is {why}"));
         }
         end = end.max(scalar.offset + scalar.size);
@@ -344,15 +344,4 @@ fn has_sizes(classes: &[Class], size: usize, fits: &dyn Fn(usize, usize, Class) 
         ends = next;
     }
     ends.contains(&size)
-}
-
-/// The path of the part at an offset of a block.
-fn path_at(layout: Layout<'_>, offset: usize) -> String {
-    let lines = layout.lines();
-    let line = lines.iter().rfind(|(at, _)| *at <= offset);
-    let path = line.and_then(|(_, text)| text.split_once(' ')).map_or("", |(_, path)| path);
-    match path {
-        "" => format!("offset {offset}"),
-        path => path.to_owned(),
-    }
 }

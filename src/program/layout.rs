@@ -291,6 +291,17 @@ impl<'a> Layout<'a> {
         lines
     }
 
+    /// The path of the part at an offset of a block.
+    pub(crate) fn path_at(self, offset: usize) -> String {
+        let lines = self.lines();
+        let line = lines.iter().rfind(|(at, _)| *at <= offset);
+        let path = line.and_then(|(_, text)| text.split_once(' ')).map_or("", |(_, path)| path);
+        match path {
+            "" => format!("offset {offset}"),
+            path => path.to_owned(),
+        }
+    }
+
     pub(crate) fn lines(self) -> Vec<(usize, String)> {
         let mut lines = Vec::new();
         self.collect_lines("", 0, &mut lines);

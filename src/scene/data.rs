@@ -23,6 +23,7 @@ use crate::scene::read_file::read;
 use crate::scene::scalar::Scalar;
 use crate::scene::struct_data::{NoShaders, ShaderModules, StructContext, StructPiece};
 use crate::scene::tree::Toml;
+use crate::scene::typed_scalars::{self, TypedScalars};
 
 /// A sequence of pieces.
 #[derive(Clone, Debug)]
@@ -37,6 +38,7 @@ struct Piece {
 #[derive(Clone, Debug)]
 enum Content {
     Bytes(Vec<u8>),
+    Scalars(Scalar, Vec<u8>),
     /// So many zeros.
     Zeros(u32),
     /// Zeros up to the next multiple of a number of bytes.
@@ -59,9 +61,17 @@ impl DataPieces {
     /// # Errors
     /// As [`DataPieces::resolve`], and `InvalidScene` where there is an address in them.
     pub fn encode(&self, sources: &DataSources<'_>) -> Result<Vec<u8>> {
-        let mut data = self.resolve(sources)?;
+        Ok(self.encode_typed(sources)?.0)
+    }
+
+    /// As [`DataPieces::encode`], with the types of the scalars.
+    ///
+    /// # Errors
+    /// As there.
+    pub(super) fn encode_typed(&self, sources: &DataSources<'_>) -> Result<(Vec<u8>, Vec<TypedScalars>)> {
+        let (mut data, typed) = self.typed(sources, &NoShaders, None)?;
         match data.first_address() {
-            None => Ok(std::mem::take(data.tail())),
+            None => Ok((std::mem::take(data.tail()), typed)),
             Some(span) => Err(span.error(
                 "addresses are allowed only in buffers, push constants, shader records and \
                  specialization constants",
@@ -87,9 +97,38 @@ impl DataPieces {
         modules: &dyn ShaderModules,
         block: Option<DataBlock>,
     ) -> Result<Data> {
+        let (data, typed) = self.typed(sources, modules, block)?;
+        if let (Some(DataBlock::PushConstants), Some(Spanned { span, .. })) = (block, self.0.first())
+            && let Some(error) = typed_scalars::check_size(&modules.comparable(), data.size()?, span)
+        {
+            return Err(error);
+        }
+        let names_struct =
+            |piece: &Piece| matches!(&piece.content, Content::Struct(named) if named.has_name());
+        let is_compared = !typed.is_empty() && !self.0.iter().any(|piece| names_struct(&piece.value));
+        let compared = block.filter(|_| is_compared);
+        if let Some(block) = compared
+            && let Some(error) = typed_scalars::check(&modules.comparable(), block, &typed)
+        {
+            return Err(error);
+        }
+        Ok(data)
+    }
+
+    /// The data, and the typed scalars in it with their places.
+    fn typed(
+        &self,
+        sources: &DataSources<'_>,
+        modules: &dyn ShaderModules,
+        block: Option<DataBlock>,
+    ) -> Result<(Data, Vec<TypedScalars>)> {
         let files = sources.files;
-        let mut data = Data::default();
+        let (mut data, mut typed) = (Data::default(), Vec::new());
         for Spanned { value: piece, span } in &self.0 {
+            if let Content::Scalars(scalar, content) = &piece.content {
+                let (scalar, offset, bytes) = (*scalar, data.size()? as usize, content.clone());
+                typed.push(TypedScalars { offset, scalar, bytes, repeat: piece.repeat, span: span.clone() });
+            }
             if let Content::Address(of) = &piece.content {
                 let all = 8 * u64::from(piece.repeat);
                 files
@@ -110,7 +149,7 @@ impl DataPieces {
                 let report = Diagnostics::within(files.limits());
                 let inner = |value: TomlValue<'_>| {
                     let pieces = Self::parse(value)?;
-                    value.report().keep(pieces.resolve_for(sources, modules, None))
+                    value.report().keep(pieces.typed(sources, modules, None))
                 };
                 // Only what begins a buffer is the block that a shader declares there.
                 let block = block.filter(|_| data.is_empty());
@@ -127,7 +166,7 @@ impl DataPieces {
             }
             let bytes = data.tail();
             let content = match &piece.content {
-                Content::Bytes(content) => content.clone(),
+                Content::Bytes(content) | Content::Scalars(_, content) => content.clone(),
                 Content::Zeros(count) => {
                     let all = u64::from(*count) * u64::from(piece.repeat);
                     let size = grown(bytes, all, files).map_err(|error| error.at(span.place()))?;
@@ -170,7 +209,8 @@ impl DataPieces {
                 bytes.extend_from_slice(&content);
             }
         }
-        Ok(data)
+        typed.retain(|typed| typed.scalar != Scalar::U8);
+        Ok((data, typed))
     }
 }
 
@@ -195,8 +235,10 @@ impl Parse for Piece {
         }
         let table = Table::new(value)?;
         let errors_before = value.report().len();
-        let mut contents: Vec<Content> =
-            Scalar::ALL.iter().filter_map(|scalar| scalar.column(&table)).map(Content::Bytes).collect();
+        let mut contents: Vec<Content> = Scalar::ALL
+            .iter()
+            .filter_map(|scalar| Some(Content::Scalars(*scalar, scalar.column(&table)?)))
+            .collect();
         contents.extend(table.optional::<Hex>("hex").map(|hex| Content::Bytes(hex.0)));
         contents.extend(table.optional::<u32>("zeros").map(Content::Zeros));
         contents.extend(table.optional::<Spanned<u32>>("align").and_then(|to| align(&table, &to)));
@@ -259,9 +301,9 @@ impl Parse for Hex {
 
 /// One scalar with its type, `{ u64 = 7 }`, or an address.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum ScalarPiece {
-    /// Its bytes.
-    Bytes(Vec<u8>),
+pub(super) enum ScalarPiece {
+    /// Its bytes, and their type where one is given.
+    Bytes(Vec<u8>, Option<Scalar>),
     /// A device address, 8 bytes.
     Address(AddressOf),
 }
@@ -269,7 +311,11 @@ pub enum ScalarPiece {
 impl Parse for ScalarPiece {
     fn parse(value: TomlValue<'_>) -> Option<Self> {
         match Piece::parse(value)?.content {
-            Content::Bytes(bytes) if bytes.len() <= 8 => Some(Self::Bytes(bytes)),
+            Content::Bytes(bytes) if bytes.len() <= 8 => Some(Self::Bytes(bytes, None)),
+            Content::Scalars(Scalar::U8, bytes) if bytes.len() <= 8 => Some(Self::Bytes(bytes, None)),
+            Content::Scalars(scalar, bytes) if bytes.len() == scalar.size() => {
+                Some(Self::Bytes(bytes, Some(scalar)))
+            }
             Content::Address(of) => Some(Self::Address(of)),
             _ => value.wrong("a specialization constant must be one scalar"),
         }
@@ -321,15 +367,15 @@ mod tests {
             ("x = 3", "typed data"),
             ("x = {}", "no data"),
             ("x = { f32 = 1, u32 = 1 }", "array of pieces"),
-            ("x = { u8 = 256 }", "out of range: u8 ranges from 0 to 255"),
-            ("x = { f16 = 65520 }", "beyond the range of f16"),
-            ("x = { e4m3 = 465 }", "beyond the range of e4m3"),
+            ("x = { u8 = 256 }", "does not fit: u8 goes from 0 to 255"),
+            ("x = { f16 = 65520 }", "out of the range of f16"),
+            ("x = { e4m3 = 465 }", "out of the range of e4m3"),
             ("x = { e4m3 = inf }", "e4m3 has no infinity"),
-            ("x = { f32 = 1e-46 }", "is too small for f32: it rounds to 0"),
-            ("x = { f16 = 1e-9 }", "is too small for f16: it rounds to 0"),
-            ("x = { f32 = 16777217 }", "is not exactly representable as f32: the nearest value is 16777216"),
-            ("x = { e5m2 = 61440 }", "beyond the range of e5m2"),
-            ("x = { hex = 'abc' }", "each byte has two"),
+            ("x = { f32 = 1e-46 }", "is not 0 and rounds to 0 as f32"),
+            ("x = { f16 = 1e-9 }", "is not 0 and rounds to 0 as f16"),
+            ("x = { f32 = 16777217 }", "is no f32: the nearest is 16777216"),
+            ("x = { e5m2 = 61440 }", "out of the range of e5m2"),
+            ("x = { hex = 'abc' }", "each byte takes two"),
             ("x = { align = 3 }", "power of two"),
             ("x = { f31 = 3 }", "did you mean `f32`?"),
             ("x = { u8 = 1, repeat = 4_000_000_000 }", "the limit `buffer-bytes`"),

@@ -13,7 +13,9 @@ use crate::geometry::{Precision, Ray};
 use crate::machine::MemoryPolicy;
 use crate::machine::sampler::Sampler;
 use crate::module::interface::Stage;
+use crate::ops::pointer::storage;
 use crate::pipeline::{DeviceProfile, Pipeline, PipelineFlags, RayOperands, check_callable_depth};
+use crate::program::layout::{Layout, Rules};
 use crate::scene::data::DataPieces;
 use crate::scene::data_sources::DataSources;
 use crate::scene::device;
@@ -29,6 +31,7 @@ use crate::scene::read::{
 };
 use crate::scene::resources::ResourceEntry;
 use crate::scene::specialization::{SpecializationKey, SpecializationValue};
+use crate::scene::typed_scalars::{self, TypedScalars};
 
 /// The version of the format that this crate reads.
 pub const VERSION: u32 = 1;
@@ -539,6 +542,8 @@ pub struct GivenRay {
     pub miss_index: u32,
     /// The payload's first words; the rest is zeros.
     pub payload: Vec<u32>,
+    /// The types that the scene gives to them.
+    pub(crate) payload_types: Vec<TypedScalars>,
     /// The pass with whose pipeline it is traced; the first launch where there is none.
     pub pass: Option<Spanned<PassKey>>,
 }
@@ -559,6 +564,7 @@ impl From<Ray> for GivenRay {
             sbt_stride: 1,
             miss_index: 0,
             payload: Vec::new(),
+            payload_types: Vec::new(),
             pass: None,
         }
     }
@@ -570,6 +576,7 @@ impl GivenRay {
     ///
     /// # Errors
     /// [`ErrorKind::InvalidArgument`]: more payload is given than the shaders declare.
+    /// [`ErrorKind::InvalidScene`]: scalars of other types than any shader declares there.
     pub fn operands(&self, pipeline: &Pipeline) -> Result<RayOperands> {
         let words = pipeline.payload_words();
         if self.payload.len() > words {
@@ -577,6 +584,13 @@ impl GivenRay {
             let message =
                 format!("the ray's payload has {given} bytes, but the shaders declare {}", 4 * words);
             return Err(Error::new(ErrorKind::InvalidArgument, message));
+        }
+        let layouts = pipeline.programs.iter().filter_map(|program| {
+            let registers = program.interface_registers(storage::INCOMING_RAY_PAYLOAD)?;
+            Some(Layout::new(&program.module, registers.ty, Rules::Packed))
+        });
+        if let Some(error) = typed_scalars::check_layouts(layouts, &self.payload_types) {
+            return Err(error);
         }
         let mut payload = self.payload.clone();
         payload.resize(words, 0);
@@ -641,9 +655,10 @@ impl Parse for RayEntry {
         let (cull_mask, miss_index) = (table.or("cull_mask", 0xff), table.or("miss_index", 0));
         let (sbt_offset, sbt_stride) = (table.or("sbt_offset", 0), table.or("sbt_stride", 1));
         let time = table.or("time", 0.0);
-        let payload = table.value("payload").map_or(Some(Vec::new()), payload);
+        let payload = table.value("payload").map_or_else(|| Some(Default::default()), payload);
         table.finish();
         let (origin, direction) = (origin?, direction?);
+        let (payload, payload_types) = payload?;
         Some(Self::Given(GivenRay {
             name,
             origin,
@@ -656,19 +671,21 @@ impl Parse for RayEntry {
             sbt_offset,
             sbt_stride,
             miss_index,
-            payload: payload?,
+            payload,
+            payload_types,
             pass,
         }))
     }
 }
 
-/// Reads a ray's payload: data in whole words.
-fn payload(value: TomlValue<'_>) -> Option<Vec<u32>> {
+/// Reads a ray's payload: data in whole words, and their types.
+fn payload(value: TomlValue<'_>) -> Option<(Vec<u32>, Vec<TypedScalars>)> {
     let data = DataPieces::parse(value)?;
-    let bytes = match data.encode(&DataSources::files(&EmbeddedFiles(&[]), &OpenModels::default())) {
-        Ok(bytes) => bytes,
-        Err(_) => return value.wrong("the payload of a ray must be written inline: `{ f32 = [1, 2] }`"),
-    };
+    let (bytes, typed) =
+        match data.encode_typed(&DataSources::files(&EmbeddedFiles(&[]), &OpenModels::default())) {
+            Ok(encoded) => encoded,
+            Err(_) => return value.wrong("the payload of a ray is given in place: `{ f32 = [1, 2] }`"),
+        };
     let words = bytes.chunks_exact(4);
     if !words.remainder().is_empty() {
         return value.wrong(format!(
@@ -676,5 +693,5 @@ fn payload(value: TomlValue<'_>) -> Option<Vec<u32>> {
             bytes.len()
         ));
     }
-    Some(words.map(|word| u32::from_le_bytes([word[0], word[1], word[2], word[3]])).collect())
+    Some((words.map(|word| u32::from_le_bytes([word[0], word[1], word[2], word[3]])).collect(), typed))
 }

@@ -68,3 +68,4 @@ mod read_file;
 mod reference_tests;
 pub mod scalar;
 mod transform_entry;
+mod typed_scalars;

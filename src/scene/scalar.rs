@@ -1,8 +1,10 @@
 //! Scalars as a scene writes them, with their types.
 
 use crate::math::float_format::FloatFormat;
-use crate::module::scalar_value::{FloatMisfit, judge_rounding};
+use crate::module::decimal::{decimal_bits, whole_bits};
+use crate::module::ty::Type;
 use crate::scene::read::{Parse, Table, TomlValue};
+use crate::scene::tree::Toml;
 
 /// A type of scalar as a scene names it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -72,15 +74,81 @@ impl Scalar {
         }
     }
 
+    /// The size in bytes.
+    pub(super) fn size(self) -> usize {
+        match self {
+            Self::U8 | Self::I8 | Self::E4m3 | Self::E5m2 => 1,
+            Self::F16 | Self::Bf16 | Self::U16 | Self::I16 => 2,
+            Self::F32 | Self::U32 | Self::I32 | Self::Bool => 4,
+            Self::F64 | Self::U64 | Self::I64 => 8,
+        }
+    }
+
+    fn format(self) -> Option<FloatFormat> {
+        Some(match self {
+            Self::F16 => FloatFormat::Binary16,
+            Self::Bf16 => FloatFormat::BFloat16,
+            Self::E4m3 => FloatFormat::E4M3,
+            Self::E5m2 => FloatFormat::E5M2,
+            Self::F32 => FloatFormat::Binary32,
+            Self::F64 => FloatFormat::Binary64,
+            _ => return None,
+        })
+    }
+
+    fn is_signed(self) -> bool {
+        matches!(self, Self::I8 | Self::I16 | Self::I32 | Self::I64)
+    }
+
+    /// The scalar type of a shader's type.
+    pub(super) fn of(ty: &Type) -> Option<Self> {
+        let is_it = |one: &Self| match *ty {
+            Type::Int { width, signed } => {
+                *one != Self::Bool
+                    && one.format().is_none()
+                    && (one.size() * 8, one.is_signed()) == (width as usize, signed)
+            }
+            Type::Float { .. } => one.format().is_some() && one.format() == ty.float_format(),
+            Type::Bool => *one == Self::Bool,
+            Type::Pointer { .. } => *one == Self::U64,
+            _ => false,
+        };
+        Self::ALL.into_iter().find(is_it)
+    }
+
+    /// Whether bits of this type have the same value in a shader's type of the same size and kind.
+    pub(super) fn fits(self, bits: u64, ty: &Type) -> bool {
+        let Some(own) = Self::of(ty) else { return false };
+        let is_integer = |one: Self| one.format().is_none() && one != Self::Bool;
+        match (self, own) {
+            // Compilers store the bools of a buffer as 32-bit integers.
+            (Self::Bool, Self::Bool | Self::U32 | Self::I32) => true,
+            _ if is_integer(self) && is_integer(own) && self.size() == own.size() => {
+                self.is_signed() == own.is_signed() || bits >> (8 * self.size() - 1) == 0
+            }
+            _ => self == own,
+        }
+    }
+
+    /// The number of bits of this type.
+    pub(super) fn text(self, bits: u64) -> String {
+        let unused = 64 - 8 * self.size() as u32;
+        match (self.format(), self) {
+            (Some(FloatFormat::Binary64), _) => format!("{:?}", f64::from_bits(bits)),
+            (Some(format), _) => format!("{:?}", format.value(bits) as f32),
+            (None, Self::Bool) => (bits != 0).to_string(),
+            (None, _) if self.is_signed() => ((bits << unused) as i64 >> unused).to_string(),
+            (None, _) => bits.to_string(),
+        }
+    }
+
     /// The little-endian bytes of one value.
     pub(super) fn encode(self, value: TomlValue<'_>, bytes: &mut Vec<u8>) -> Option<()> {
+        if let Some(format) = self.format() {
+            bytes.extend(float_bytes(value, format, self.name())?);
+            return Some(());
+        }
         match self {
-            Self::F16 => bytes.extend(float_bytes(value, FloatFormat::Binary16, "f16")?),
-            Self::Bf16 => bytes.extend(float_bytes(value, FloatFormat::BFloat16, "bf16")?),
-            Self::E4m3 => bytes.extend(float_bytes(value, FloatFormat::E4M3, "e4m3")?),
-            Self::E5m2 => bytes.extend(float_bytes(value, FloatFormat::E5M2, "e5m2")?),
-            Self::F32 => bytes.extend(float_bytes(value, FloatFormat::Binary32, "f32")?),
-            Self::F64 => bytes.extend(float_bytes(value, FloatFormat::Binary64, "f64")?),
             Self::U8 => bytes.extend(u8::parse(value)?.to_le_bytes()),
             Self::I8 => bytes.extend(i8::parse(value)?.to_le_bytes()),
             Self::U16 => bytes.extend(u16::parse(value)?.to_le_bytes()),
@@ -90,7 +158,7 @@ impl Scalar {
             Self::U64 => bytes.extend(u64::parse(value)?.to_le_bytes()),
             Self::I64 => bytes.extend(i64::parse(value)?.to_le_bytes()),
             // VkBool32, which is also how compilers lay out a bool in a buffer.
-            Self::Bool => bytes.extend(u32::from(bool::parse(value)?).to_le_bytes()),
+            _ => bytes.extend(u32::from(bool::parse(value)?).to_le_bytes()),
         }
         Some(())
     }
@@ -136,26 +204,22 @@ impl Scalar {
     }
 }
 
-/// The bits of a float, rounded once from the decimal text; an error of the text's place where it
-/// is out of range, or is not 0 and rounds to 0.
-///
-/// Formats of 8 and 16 bits are rounded by way of f64: 53 bits are more than twice the 11 of a
-/// half, plus two, so double rounding has no effect unless the decimal lies within 2^-53 of a tie
-/// without being one.
-fn float_bits(value: TomlValue<'_>, format: FloatFormat, name: &str) -> Option<u64> {
-    let wide = f64::parse(value)?;
-    let bits = match format {
-        FloatFormat::Binary32 => f32::parse(value)?.to_bits().into(),
-        _ => format.round(wide),
-    };
-    match judge_rounding(wide, bits, format) {
-        Ok(bits) => Some(bits),
-        Err(FloatMisfit::Overflows) => value.wrong(format!("`{wide}` is beyond the range of {name}")),
-        Err(FloatMisfit::Vanishes) => {
-            value.wrong(format!("`{wide}` is too small for {name}: it rounds to 0"))
+/// The bits of a float, rounded once from the decimal text; an error of the text's place where the
+/// format has no such number.
+pub(crate) fn float_bits(value: TomlValue<'_>, format: FloatFormat, name: &str) -> Option<u64> {
+    let (bits, text) = match value.toml() {
+        Toml::Float(text) => (decimal_bits(text, format), text),
+        Toml::Integer(digits, 10) => (whole_bits(digits, format), digits),
+        Toml::Integer(..) => {
+            let span = value.span();
+            let message = format!("{name} is a float, whose numbers are decimal");
+            let help = "help: write the number in decimal, or bits as an integer type: `u32 = 0x3f800000`";
+            value.report().push(span.error_with(message, "this is an integer of another base").note(help));
+            return None;
         }
-        Err(FloatMisfit::NoInfinity) => value.wrong(format!("{name} has no infinity")),
-    }
+        _ => return value.expected("a number"),
+    };
+    bits.map_or_else(|misfit| value.wrong(misfit.describe(&format!("`{text}`"), name)), Some)
 }
 
 /// The little-endian bytes of [`float_bits`].

@@ -4,12 +4,14 @@ use crate::error::names::{list_of, nearest};
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::math::float_format::FloatFormat;
 use crate::module::Module;
-use crate::module::scalar_value::{FloatMisfit, ScalarValue, judge_rounding};
+use crate::module::decimal::{decimal_bits, whole_bits};
+use crate::module::scalar_value::{ScalarValue, type_name};
 use crate::module::ty::Type;
 use crate::scene::address_entry::AddressOf;
 use crate::scene::addresses::Addresses;
 use crate::scene::data::ScalarPiece;
-use crate::scene::read::{Parse, Spanned, TomlValue, integer};
+use crate::scene::read::{Parse, Spanned, TomlValue};
+use crate::scene::scalar::Scalar;
 use crate::scene::tree::Toml;
 use crate::sorted::sort;
 
@@ -88,11 +90,12 @@ pub struct SpecializationValue {
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum LiteralValue {
     Boolean(bool),
-    Integer(i128),
+    /// Digits with their sign, and their base.
+    Integer(String, u32),
     /// A float in decimal, as it is written.
     Float(String),
-    /// The value's bytes, little-endian.
-    Bytes(Vec<u8>),
+    /// The value's bytes, little-endian, and their type where one is given.
+    Bytes(Vec<u8>, Option<Scalar>),
     Address(AddressOf),
 }
 
@@ -100,15 +103,10 @@ impl Parse for SpecializationValue {
     fn parse(value: TomlValue<'_>) -> Option<Self> {
         let literal = match value.toml() {
             Toml::Boolean(flag) => LiteralValue::Boolean(*flag),
-            Toml::Integer(..) => LiteralValue::Integer(integer(
-                value,
-                i128::from(i64::MIN),
-                i128::from(u64::MAX),
-                "i64 or u64",
-            )?),
+            Toml::Integer(digits, base) => LiteralValue::Integer(digits.clone(), *base),
             Toml::Float(text) => LiteralValue::Float(text.clone()),
             Toml::Table(_) => match ScalarPiece::parse(value)? {
-                ScalarPiece::Bytes(bytes) => LiteralValue::Bytes(bytes),
+                ScalarPiece::Bytes(bytes, scalar) => LiteralValue::Bytes(bytes, scalar),
                 ScalarPiece::Address(of) => LiteralValue::Address(of),
             },
             _ => return value.expected("a number or Boolean"),
@@ -132,7 +130,7 @@ impl SpecializationValue {
         let constant = key.id(module)?;
         let address = match (&self.literal, addresses) {
             (LiteralValue::Address(of), Some(addresses)) => {
-                Some(LiteralValue::Bytes(addresses.address(of)?.to_le_bytes().to_vec()))
+                Some(LiteralValue::Bytes(addresses.address(of)?.to_le_bytes().to_vec(), None))
             }
             // Before addresses are given the constant keeps its default.
             (LiteralValue::Address(_), None) => return Ok(()),
@@ -171,55 +169,46 @@ impl LiteralValue {
             // VkBool32
             _ => 4,
         };
+        let format = ty.float_format().unwrap_or(FloatFormat::Binary64);
         match (self, ty) {
-            (Self::Bytes(bytes), _) if bytes.len() == size as usize => {
-                Ok(bytes.iter().rev().fold(0, |bits, &byte| bits << 8 | u64::from(byte)))
-            }
-            (Self::Bytes(bytes), _) => Err(format!(
-                "expected {size} bytes, found {} (VUID-VkSpecializationMapEntry-constantID-00776)",
-                bytes.len()
-            )),
-            (Self::Boolean(flag), Type::Bool) => Ok(u64::from(*flag)),
-            (Self::Integer(number @ 0..=1), Type::Bool) => Ok(*number as u64),
-            (Self::Integer(number), ty @ Type::Int { .. }) => scalar(*number).bits(ty),
-            (Self::Integer(number), ty @ Type::Float { .. }) => {
-                let bits = float_bits(&number.to_string(), ty)?;
-                let nearest = ty.float_format().unwrap_or(FloatFormat::Binary64).value(bits);
-                match nearest as i128 == *number {
-                    true => Ok(bits),
-                    false => {
-                        Err(format!("{number} is not exactly representable: the nearest value is {nearest}"))
+            (Self::Bytes(bytes, scalar), _) if bytes.len() == size as usize => {
+                let bits = bytes.iter().rev().fold(0, |bits, &byte| bits << 8 | u64::from(byte));
+                match scalar.filter(|scalar| bits != 0 && !scalar.fits(bits, ty)) {
+                    None => Ok(bits),
+                    Some(scalar) => {
+                        Err(format!("the {} {} is not {}", scalar.name(), scalar.text(bits), type_name(ty)))
                     }
                 }
             }
-            (Self::Float(text), ty @ Type::Float { .. }) => float_bits(text, ty),
-            (Self::Boolean(flag), _) => Err(format!("{flag} is not a number")),
-            (Self::Integer(number), _) => Err(format!("{number} is neither true nor false")),
+            (Self::Bytes(bytes, _), _) => Err(format!(
+                "{} bytes are given where {size} are needed (VUID-VkSpecializationMapEntry-constantID-00776)",
+                bytes.len()
+            )),
+            (Self::Boolean(flag), Type::Bool) => Ok(u64::from(*flag)),
+            (Self::Integer(digits, base), Type::Int { .. }) => match i128::from_str_radix(digits, *base) {
+                Ok(number) => ScalarValue::Whole(number).bits(ty),
+                Err(_) => Err(format!("{digits} is out of the range of {}", type_name(ty))),
+            },
+            (Self::Integer(digits, 10), Type::Float { .. }) => {
+                whole_bits(digits, format).map_err(|misfit| misfit.describe(digits, type_name(ty)))
+            }
+            (Self::Integer(..), Type::Float { .. }) => {
+                Err("a float is written in decimal, or its bits as `{ hex = \"...\" }`".to_owned())
+            }
+            (Self::Float(text), Type::Float { .. }) => {
+                decimal_bits(text, format).map_err(|misfit| misfit.describe(text, type_name(ty)))
+            }
+            (Self::Boolean(flag), _) => Err(format!("{flag} is no number")),
+            (Self::Integer(digits, _), _) => Err(match &**digits {
+                "0" => "0 is neither true nor false: write `false`".to_owned(),
+                "1" => "1 is neither true nor false: write `true`".to_owned(),
+                other => format!("{other} is neither true nor false"),
+            }),
             (Self::Float(text), Type::Bool) => Err(format!("{text} is neither true nor false")),
             (Self::Float(text), _) => Err(format!("{text} is not an integer")),
             (Self::Address(_), _) => Err("the address is not known yet".into()),
         }
     }
-}
-
-/// An integer of a scene.
-fn scalar(number: i128) -> ScalarValue {
-    u64::try_from(number).map_or(ScalarValue::Int(number as i64), ScalarValue::Uint)
-}
-
-/// The bits of the float nearest to a decimal, rounded once.
-fn float_bits(text: &str, ty: &Type) -> std::result::Result<u64, String> {
-    let format = ty.float_format().unwrap_or(FloatFormat::Binary64);
-    let wide: f64 = text.parse().map_err(|_| format!("{text} is not a number"))?;
-    let bits = match format {
-        FloatFormat::Binary32 => text.parse::<f32>().map_or(0, f32::to_bits).into(),
-        _ => format.round(wide),
-    };
-    judge_rounding(wide, bits, format).map_err(|misfit| match misfit {
-        FloatMisfit::Overflows => format!("{text} is out of range"),
-        FloatMisfit::Vanishes => format!("{text} is too small: it rounds to 0"),
-        FloatMisfit::NoInfinity => format!("{text} is not representable: the type has no infinity"),
-    })
 }
 
 #[cfg(test)]
@@ -234,6 +223,10 @@ mod tests {
     const BFLOAT: Type = Type::Float { width: 16, encoding: Some(0) };
     const E4M3: Type = Type::Float { width: 8, encoding: Some(4214) };
 
+    fn integer(number: i128) -> LiteralValue {
+        LiteralValue::Integer(number.to_string(), 10)
+    }
+
     fn float_bits(text: &str) -> LiteralValue {
         LiteralValue::Float(text.into())
     }
@@ -241,11 +234,11 @@ mod tests {
     #[test]
     fn bare_values_take_the_type_of_the_constant() {
         // 3 = 1.5 * 2^1, so that the mantissa begins with a one.
-        assert_eq!(LiteralValue::Integer(3).bits(&UINT), Ok(3));
-        assert_eq!(LiteralValue::Integer(3).bits(&HALF), Ok(0x4200));
-        assert_eq!(LiteralValue::Integer(3).bits(&FLOAT), Ok(0x4040_0000));
-        assert_eq!(LiteralValue::Integer(3).bits(&DOUBLE), Ok(0x4008_0000_0000_0000));
-        assert_eq!(LiteralValue::Integer(3).bits(&BFLOAT), Ok(0x4040));
+        assert_eq!(integer(3).bits(&UINT), Ok(3));
+        assert_eq!(integer(3).bits(&HALF), Ok(0x4200));
+        assert_eq!(integer(3).bits(&FLOAT), Ok(0x4040_0000));
+        assert_eq!(integer(3).bits(&DOUBLE), Ok(0x4008_0000_0000_0000));
+        assert_eq!(integer(3).bits(&BFLOAT), Ok(0x4040));
         assert_eq!(float_bits("-3.0").bits(&E4M3), Ok(0xC4)); // 1 1000 100
         assert_eq!(float_bits("0.5").bits(&DOUBLE), Ok(0x3FE0_0000_0000_0000));
         assert_eq!(float_bits("-inf").bits(&FLOAT), Ok(0xFF80_0000));
@@ -255,39 +248,33 @@ mod tests {
             float_bits("16777217.0000000000009094947017729282379150390625").bits(&FLOAT),
             Ok(0x4B80_0001)
         );
+        assert_eq!((integer(-1).bits(&BYTE), integer(127).bits(&BYTE)), (Ok(0xFF), Ok(0x7F)));
         assert_eq!(
-            (LiteralValue::Integer(-1).bits(&BYTE), LiteralValue::Integer(127).bits(&BYTE)),
-            (Ok(0xFF), Ok(0x7F))
-        );
-        assert_eq!(
-            (LiteralValue::Integer(1).bits(&Type::Bool), LiteralValue::Boolean(false).bits(&Type::Bool)),
+            (LiteralValue::Boolean(true).bits(&Type::Bool), LiteralValue::Boolean(false).bits(&Type::Bool)),
             (Ok(1), Ok(0))
         );
-        assert_eq!(LiteralValue::Bytes(vec![1, 2, 3, 4]).bits(&UINT), Ok(0x0403_0201));
-        assert_eq!(LiteralValue::Bytes(vec![0, 0x42]).bits(&HALF), Ok(0x4200));
+        assert_eq!(LiteralValue::Bytes(vec![1, 2, 3, 4], None).bits(&UINT), Ok(0x0403_0201));
+        assert_eq!(LiteralValue::Bytes(vec![0, 0x42], Some(Scalar::F16)).bits(&HALF), Ok(0x4200));
     }
 
     #[test]
     fn values_of_no_such_type_say_why() {
         for (literal, ty, why) in [
-            (float_bits("2.0"), UINT, "2.0 is not an integer"),
-            (LiteralValue::Boolean(true), UINT, "true is not a number"),
-            (LiteralValue::Integer(255), BYTE, "255 is out of the range of int8_t, -128 to 127"),
-            (LiteralValue::Integer(-129), BYTE, "-129 is out of the range of int8_t, -128 to 127"),
-            (LiteralValue::Integer(-1), UINT, "-1 is out of the range of uint, 0 to 4294967295"),
+            (float_bits("2.0"), UINT, "2.0 is no whole number"),
+            (LiteralValue::Boolean(true), UINT, "true is no number"),
+            (integer(255), BYTE, "255 is out of the range of int8_t, -128 to 127"),
+            (integer(-129), BYTE, "-129 is out of the range of int8_t, -128 to 127"),
+            (integer(-1), UINT, "-1 is out of the range of uint, 0 to 4294967295"),
+            (integer(16_777_217), FLOAT, "16777217 is no float: the nearest is 16777216"),
+            (float_bits("1e-46"), FLOAT, "1e-46 is not 0 and rounds to 0 as float"),
+            (integer(2), Type::Bool, "2 is neither true nor false"),
+            (integer(1), Type::Bool, "1 is neither true nor false: write `true`"),
+            (LiteralValue::Bytes(vec![0, 0, 128, 63], Some(Scalar::F32)), UINT, "the f32 1.0 is not uint"),
+            (float_bits("1e39"), FLOAT, "1e39 is out of the range of float"),
+            (float_bits("65520.0"), HALF, "65520.0 is out of the range of float16_t"),
+            (float_bits("465.0"), E4M3, "465.0 is out of the range of floate4m3_t"),
             (
-                LiteralValue::Integer(16_777_217),
-                FLOAT,
-                "16777217 is not exactly representable: the \
-                nearest value is 16777216",
-            ),
-            (float_bits("1e-46"), FLOAT, "1e-46 is too small: it rounds to 0"),
-            (LiteralValue::Integer(2), Type::Bool, "2 is neither true nor false"),
-            (float_bits("1e39"), FLOAT, "1e39 is out of range"),
-            (float_bits("65520.0"), HALF, "65520.0 is out of range"),
-            (float_bits("465.0"), E4M3, "465.0 is out of range"),
-            (
-                LiteralValue::Bytes(vec![0; 8]),
+                LiteralValue::Bytes(vec![0; 8], Some(Scalar::U64)),
                 UINT,
                 "expected 4 bytes, found 8 (VUID-VkSpecializationMapEntry-constantID-00776)",
             ),

@@ -24,6 +24,7 @@ use crate::scene::encoding::{Data, Flattened};
 use crate::scene::read::{Diagnostics, Named, OwnedTomlValue, Span, Spanned, Table, TomlValue, integer};
 use crate::scene::scalar::float_bytes;
 use crate::scene::tree::Toml;
+use crate::scene::typed_scalars::TypedScalars;
 use crate::sorted::sort_by_key;
 
 /// Names of missing members that an error lists.
@@ -66,6 +67,10 @@ pub trait ShaderModules {
     /// # Errors
     /// Where one cannot be loaded.
     fn all(&self) -> Result<Vec<Arc<Module>>>;
+
+    /// Those of them whose declarations typed data is compared with: they can be loaded, and the
+    /// lengths of their arrays depend on no address.
+    fn comparable(&self) -> Vec<Arc<Module>>;
 }
 
 /// The modules for data that no shader reads through a block: there are none.
@@ -81,6 +86,10 @@ impl ShaderModules for NoShaders {
         let message = "no shader reads this data, so it has no struct layouts";
         Err(Error::new(ErrorKind::InvalidScene, message))
     }
+
+    fn comparable(&self) -> Vec<Arc<Module>> {
+        Vec::new()
+    }
 }
 
 /// What a [`StructPiece`] is encoded for.
@@ -91,7 +100,7 @@ pub struct StructContext<'a> {
     /// The block that the data fills, if it begins one.
     pub block: Option<DataBlock>,
     /// A piece of data inside a value, `{ address_of = "lights" }`.
-    pub piece: &'a dyn Fn(TomlValue<'_>) -> Option<Data>,
+    pub piece: &'a dyn Fn(TomlValue<'_>) -> Option<(Data, Vec<TypedScalars>)>,
     /// Where the limits stand, and mistakes go.
     pub report: &'a Diagnostics,
 }
@@ -100,6 +109,11 @@ impl StructPiece {
     /// Whether a table is such a piece.
     pub fn is_in(table: &Table<'_>) -> bool {
         table.value("struct").is_some() | table.value("value").is_some()
+    }
+
+    /// Whether it says which struct it is, and is so whatever a shader declares there.
+    pub(super) fn has_name(&self) -> bool {
+        self.name.is_some()
     }
 
     /// Reads its keys.
@@ -491,16 +505,17 @@ impl Writer<'_> {
     /// A piece of data as the value of a member: an address, a file, numbers of a given type.
     fn piece(&mut self, layout: Layout<'_>, value: TomlValue<'_>, path: &str, at: usize) -> Option<()> {
         let errors_before = value.report().len();
-        let Some(data) = (self.context.piece)(value) else {
+        let Some((data, typed)) = (self.context.piece)(value) else {
             if value.report().len() == errors_before {
                 return self.wrong(value, format!("`{path}` cannot be read as a piece of data"));
             }
             return None;
         };
         let (bytes, late) = data.flattened();
-        let ty = layout.module.describe_type(layout.ty);
+        let module = layout.module;
+        let what = module.describe_type(layout.ty);
         let wrong_size =
-            |size: usize| format!("`{path}` is {ty} of {size} bytes, but the piece has {}", bytes.len());
+            |size: usize| format!("`{path}` is {what} of {size} bytes, and the piece has {}", bytes.len());
         if let Type::Vector { .. } | Type::Matrix { .. } = layout.module.ty(layout.ty) {
             // The scalars of a piece follow each other as they do in memory.
             let mut scalars = layout.scalars();
@@ -508,6 +523,10 @@ impl Writer<'_> {
             let width = scalars.first().map_or(0, |(_, part)| part.size());
             if scalars.len() * width != bytes.len() || width == 0 || !late.is_empty() {
                 return self.wrong(value, wrong_size(scalars.len() * width));
+            }
+            let ty = scalars.first().map(|(_, part)| module.ty(part.ty));
+            if let Some(wrong) = ty.and_then(|ty| typed.iter().find_map(|typed| typed.misfit_in(ty))) {
+                return self.wrong(value, format!("`{path}` is {what}, given {wrong}"));
             }
             for ((offset, _), scalar) in scalars.iter().zip(bytes.chunks(width)) {
                 self.put(at.checked_add(*offset)?, scalar, value)?;
@@ -528,6 +547,11 @@ impl Writer<'_> {
             _ if bytes.len() == layout.size() => {}
             _ => return self.wrong(value, wrong_size(layout.size())),
         }
+        if let Some(wrong) = typed.iter().find_map(|typed| typed.misfit(layout, path)) {
+            let (error, help) = wrong.error();
+            self.report.push(error.note(help));
+            return None;
+        }
         self.put(at, &bytes, value)?;
         self.late.extend(late.into_iter().map(|(place, piece)| (at + place, piece)));
         Some(())
@@ -542,9 +566,9 @@ impl Writer<'_> {
             },
             &Type::Int { width, signed } => {
                 let whole = match value.toml() {
-                    // A bool of the source is an integer in a buffer.
-                    Toml::Boolean(flag) => i128::from(*flag),
-                    _ if !number => return self.mismatch(layout, value, path, "an integer"),
+                    // Compilers store the bools of a buffer as 32-bit integers.
+                    Toml::Boolean(flag) if width == 32 => i128::from(*flag),
+                    _ if !number => return self.mismatch(layout, value, path, "a whole number"),
                     _ if signed => {
                         let most = 1i128 << (width - 1);
                         integer(value, -most, most - 1, &layout.module.describe_type(layout.ty))?

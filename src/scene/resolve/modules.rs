@@ -28,9 +28,7 @@ pub(super) struct SceneModules<'r, 'a> {
 impl ShaderModules for SceneModules<'_, '_> {
     fn module(&self, shader: &Spanned<String>) -> Result<Arc<Module>> {
         let entries = &self.resolver.shader_entries;
-        let without_entry = || Some(shader.value.rsplit_once(':')?.0);
-        let found = entries.get(&shader.value).or_else(|| entries.get(without_entry()?));
-        if let Some(entry) = found.and_then(|entry| entry.content.as_ref()) {
+        if let Some(entry) = self.entry(shader) {
             return self.resolver.loaded_module(&shader.value, entry);
         }
         let names = || entries.entries.iter().map(|entry| entry.name.value.as_str());
@@ -42,12 +40,39 @@ impl ShaderModules for SceneModules<'_, '_> {
         if !self.own.is_empty() {
             return self.own.iter().map(|shader| self.module(shader)).collect();
         }
+        self.used().map(|entry| self.resolver.loaded_module("shader", entry)).collect()
+    }
+
+    fn comparable(&self) -> Vec<Arc<Module>> {
+        let entries: Vec<_> = match self.own.is_empty() {
+            true => self.used().collect(),
+            false => self.own.iter().filter_map(|shader| self.entry(shader)).collect(),
+        };
+        let has_address =
+            |entry: &ShaderEntry| entry.specialization.iter().any(|(_, value)| value.target().is_some());
+        let entries = entries.into_iter().filter(|entry| !has_address(entry));
+        // A module that cannot be loaded is reported where it is used.
+        entries.filter_map(|entry| self.resolver.loaded_module("shader", entry).ok()).collect()
+    }
+}
+
+impl SceneModules<'_, '_> {
+    /// The entry of a shader, perhaps with an entry point behind its name.
+    fn entry(&self, shader: &Spanned<String>) -> Option<&ShaderEntry> {
+        let entries = &self.resolver.shader_entries;
+        let without_entry = || Some(shader.value.rsplit_once(':')?.0);
+        let found = entries.get(&shader.value).or_else(|| entries.get(without_entry()?));
+        found.and_then(|entry| entry.content.as_ref())
+    }
+
+    /// The entries that the scene uses.
+    fn used(&self) -> impl Iterator<Item = &ShaderEntry> {
         let resolver = self.resolver;
         let used = |entry: &&ShaderEntry| {
             ModuleKey::of(entry).is_some_and(|key| resolver.module_places.contains_key(&key))
         };
         let entries = resolver.shader_entries.entries.iter().filter_map(|entry| entry.content.as_ref());
-        entries.filter(used).map(|entry| resolver.loaded_module("shader", entry)).collect()
+        entries.filter(used)
     }
 }
 
