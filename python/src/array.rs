@@ -1,15 +1,17 @@
 //! Arrays of numpy as slices, without a copy. An array of another dtype or layout is an error that
-//! says what to call; lists and tuples are converted.
+//! says what to call; the numbers of lists and tuples are converted one by one.
 
+use anyhit::internals::harness::data::HostBytes;
 use numpy::{Element, PyArrayDescrMethods, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn};
 use numpy::{PyUntypedArray, PyUntypedArrayMethods};
 use pyo3::prelude::*;
-use pyo3::types::{PyBytes, PyDict};
+use pyo3::types::PyBytes;
 
 use crate::error::invalid;
+use crate::numbers::{Number, rectangular};
 
 /// The array of an argument, C-contiguous and of this dtype.
-pub(crate) fn typed<'py, T: Element>(
+pub(crate) fn typed<'py, T: Number>(
     name: &str,
     given: &Bound<'py, PyAny>,
 ) -> PyResult<PyReadonlyArrayDyn<'py, T>> {
@@ -18,11 +20,9 @@ pub(crate) fn typed<'py, T: Element>(
     let array = match given.cast::<PyUntypedArray>() {
         Ok(array) => array.clone(),
         Err(_) => {
-            let options = PyDict::new(py);
-            options.set_item("dtype", &wanted)?;
-            let converted = py.import("numpy")?.call_method("asarray", (given,), Some(&options));
-            let converted = converted.map_err(|error| invalid(format!("{name}: {}", error.value(py))))?;
-            converted.cast_into::<PyUntypedArray>()?
+            let (numbers, lengths) = rectangular::<T>(name, given)?;
+            let array = numpy::PyArray1::from_vec(py, numbers);
+            array.call_method1("reshape", (lengths,))?.cast_into::<PyUntypedArray>()?
         }
     };
     if !array.dtype().is_equiv_to(&wanted) {
@@ -143,6 +143,36 @@ pub(crate) fn bytes(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Vec<u8>> {
     let flat = array.call_method1("reshape", (-1,))?.call_method1("view", ("uint8",))?;
     let flat = typed::<u8>(name, &flat)?;
     Ok(slice(name, &flat)?.to_vec())
+}
+
+/// An array with its type, which is compared with the shaders': scalars, or structs by their size.
+/// `bytes` and `uint8`s are bytes of any type.
+pub(crate) fn typed_bytes(name: &str, given: &Bound<'_, PyAny>) -> PyResult<HostBytes> {
+    let Ok(array) = given.cast::<PyUntypedArray>() else { return Ok(HostBytes::raw(&bytes(name, given)?)) };
+    let dtype = array.dtype();
+    let (kind, size) = (dtype.kind(), dtype.itemsize());
+    if !dtype.is_native_byteorder().unwrap_or(true) {
+        return Err(invalid(format!(
+            "{name}: an array of {dtype}, whose bytes are in another order: `{name}.astype({name}.dtype.newbyteorder('='))` swaps them"
+        )));
+    }
+    let scalar = match kind {
+        b'f' if size <= 8 => format!("f{}", 8 * size),
+        b'u' => format!("u{}", 8 * size),
+        b'i' => format!("i{}", 8 * size),
+        b'V' if dtype.has_fields() => {
+            return Ok(HostBytes::of_elements(&dtype.to_string(), size, bytes(name, given)?));
+        }
+        b'V' => return Ok(HostBytes::raw(&bytes(name, given)?)),
+        b'b' => {
+            return Err(invalid(format!(
+                "{name}: an array of bool, which in buffers is an integer of 32 bits: `{name}.astype(numpy.uint32)`"
+            )));
+        }
+        _ => return Err(invalid(format!("{name}: an array of {dtype} has no numbers that a shader has"))),
+    };
+    let known = HostBytes::of_array(&scalar, array.shape(), bytes(name, given)?);
+    known.ok_or_else(|| invalid(format!("{name}: an array of {dtype} has no numbers that a shader has")))
 }
 
 /// Bytes as an array of a dtype and shape, without a copy.

@@ -6,6 +6,7 @@ use pyo3::prelude::*;
 
 use crate::array::{copied_rows, slice, typed};
 use crate::error::invalid;
+use crate::numbers::{F32, Plain};
 
 /// A ray: origin, direction and interval.
 #[pyclass(frozen, module = "anyhit")]
@@ -18,9 +19,10 @@ pub(crate) struct Ray {
 impl Ray {
     /// A ray; t counts lengths of the direction.
     #[new]
-    #[pyo3(signature = (origin, direction, t_min=0.0, t_max=f32::INFINITY))]
-    fn new(origin: [f32; 3], direction: [f32; 3], t_min: f32, t_max: f32) -> Self {
-        Self { ray: anyhit::Ray::new(origin, direction).with_interval(t_min, t_max) }
+    #[pyo3(signature = (origin, direction, t_min=F32(0.0), t_max=F32(f32::INFINITY)))]
+    fn new(origin: [F32; 3], direction: [F32; 3], t_min: F32, t_max: F32) -> Self {
+        let ray = anyhit::Ray::new(origin.plain(), direction.plain());
+        Self { ray: ray.with_interval(t_min.plain(), t_max.plain()) }
     }
 
     /// The origin.
@@ -144,8 +146,8 @@ impl Instance {
     }
 
     /// Moves it: adds to the last column of its transform.
-    fn translate(&self, by: [f32; 3]) -> Self {
-        Self { instance: self.instance.clone().translate(by) }
+    fn translate(&self, by: [F32; 3]) -> Self {
+        Self { instance: self.instance.clone().translate(by.plain()) }
     }
 
     /// Sets `InstanceCustomIndexKHR`.
@@ -192,33 +194,33 @@ pub(crate) struct Hit {
 impl Hit {
     /// The hit of an instance by a ray: of what the ray meets first.
     #[new]
-    #[pyo3(signature = (instance, ray, *, ray_flags=0, cull_mask=0xFF, time=0.0))]
-    fn new(instance: &Instance, ray: &Ray, ray_flags: u32, cull_mask: u32, time: f32) -> Self {
+    #[pyo3(signature = (instance, ray, *, ray_flags=0, cull_mask=0xFF, time=F32(0.0)))]
+    fn new(instance: &Instance, ray: &Ray, ray_flags: u32, cull_mask: u32, time: F32) -> Self {
         let hit = anyhit::Hit::of(instance.instance.clone()).ray(ray.ray);
-        Self { hit: hit.ray_flags(RayFlags(ray_flags)).cull_mask(cull_mask).time(time) }
+        Self { hit: hit.ray_flags(RayFlags(ray_flags)).cull_mask(cull_mask).time(time.plain()) }
     }
 
     /// The hit of a sphere.
     #[staticmethod]
-    fn sphere(position: [f32; 3], radius: f32, ray: &Ray) -> Self {
-        Self { hit: anyhit::Hit::sphere(position, radius).ray(ray.ray) }
+    fn sphere(position: [F32; 3], radius: F32, ray: &Ray) -> Self {
+        Self { hit: anyhit::Hit::sphere(position.plain(), radius.plain()).ray(ray.ray) }
     }
 
     /// The hit of a linear swept sphere with both end caps: centres and radii of its ends.
     #[staticmethod]
-    fn lss(positions: [[f32; 3]; 2], radii: [f32; 2], ray: &Ray) -> Self {
-        Self { hit: anyhit::Hit::lss(positions, radii).ray(ray.ray) }
+    fn lss(positions: [[F32; 3]; 2], radii: [F32; 2], ray: &Ray) -> Self {
+        Self { hit: anyhit::Hit::lss(positions.plain(), radii.plain()).ray(ray.ray) }
     }
 
     /// The hit of a triangle.
     #[staticmethod]
-    fn triangle(vertices: [[f32; 3]; 3], ray: &Ray) -> Self {
-        Self { hit: anyhit::Hit::triangle(vertices).ray(ray.ray) }
+    fn triangle(vertices: [[F32; 3]; 3], ray: &Ray) -> Self {
+        Self { hit: anyhit::Hit::triangle(vertices.plain()).ray(ray.ray) }
     }
 
     /// A box for an intersection shader, and the ray that enters it.
     #[staticmethod]
-    fn aabb(minimum: [f32; 3], maximum: [f32; 3], ray: &Ray) -> Self {
-        Self { hit: anyhit::Hit::aabb(minimum, maximum).ray(ray.ray) }
+    fn aabb(minimum: [F32; 3], maximum: [F32; 3], ray: &Ray) -> Self {
+        Self { hit: anyhit::Hit::aabb(minimum.plain(), maximum.plain()).ray(ray.ray) }
     }
 }

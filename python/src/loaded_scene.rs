@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use anyhit::{Error, ExplainRequest};
 use pyo3::prelude::*;
 
-use crate::array::{bytes, copied_rows};
+use crate::array::{copied_rows, typed_bytes};
 use crate::error::{invalid, raised};
 use crate::module::Module;
 use crate::outcome::{buffer_array, printed, stats, texels};
@@ -83,17 +83,19 @@ impl LoadedScene {
         Ok(Module { module: py.detach(|| scene.module(name)).map_err(raised)? })
     }
 
-    /// Replaces the content of a buffer, by the resource's name: an array, C-contiguous, of any
-    /// dtype, or `bytes`.
+    /// Replaces the content of a buffer, by the resource's name: an array of the buffer's size,
+    /// C-contiguous, whose dtype and shape are compared with what the shaders declare; or `bytes`
+    /// or an array of `uint8` of any size, which are not compared.
     fn set_buffer(&self, py: Python<'_>, name: &str, data: &Bound<'_, PyAny>) -> PyResult<()> {
-        let bytes = bytes("data", data)?;
-        self.change(py, |scene| scene.set_buffer(name, &bytes).map(drop))
+        let bytes = typed_bytes("data", data)?;
+        self.change(py, |scene| scene.set_buffer_of(name, bytes).map(drop))
     }
 
-    /// Replaces the bytes of the push constants: an array, or `bytes`.
+    /// Replaces the push constants: an array, which is compared with what the shaders declare, or
+    /// `bytes` or an array of `uint8`, which are not.
     fn set_push_constants(&self, py: Python<'_>, data: &Bound<'_, PyAny>) -> PyResult<()> {
-        let bytes = bytes("data", data)?;
-        self.change(py, |scene| scene.set_push_constants_bytes(&bytes).map(drop))
+        let bytes = typed_bytes("data", data)?;
+        self.change(py, |scene| scene.set_push_constants_of(bytes).map(drop))
     }
 
     /// Replaces the transform of an instance, by its `InstanceId`: (3, 4).

@@ -1,22 +1,26 @@
-//! Python's numbers, lists and dicts as scalars for the members of a shader's value.
+//! Python's numbers, lists and dicts as scalars for the members of a shader's value. The crate
+//! alone decides what becomes of a scalar: docs/testing.md, "What a value may be".
 
-use anyhit::Value;
-use anyhit::ScalarValue;
+use anyhit::internals::module::ty::Type;
+use anyhit::{NestedScalars, ScalarValue, Value};
+use numpy::{PyArrayDescrMethods, PyUntypedArray, PyUntypedArrayMethods};
 use pyo3::prelude::*;
-use pyo3::types::{PyBool, PyDict, PyFloat, PyInt};
+use pyo3::types::{PyBool, PyDict, PyFloat, PyInt, PyList, PyRange, PyTuple};
 
 use crate::error::invalid;
-use crate::value::{Content, ScalarKind, content};
+use crate::value::{Content, content};
 
-/// A scalar with the path that leads to it, `path[1].weight`; empty for the value itself.
-pub(crate) type Member = (String, ScalarValue);
+/// Scalars with the path that leads to them, `path[1].weight`; empty for the value itself.
+pub(crate) type Member = (String, NestedScalars);
+
+/// Lists in lists that are read: a list may hold itself.
+const MAX_DEPTH: usize = 32;
 
 /// The scalars of Python data for a value of a shader: dicts name members, lists are arrays,
-/// vectors and the columns of matrices. An `int` is taken where the shader has a float; members
-/// that are not named are left out.
+/// vectors and the columns of matrices. Members that are not named are left out.
 pub(crate) fn members(shape: &Value, data: &Bound<'_, PyAny>) -> PyResult<Vec<Member>> {
     let mut out = Vec::new();
-    collect(Some(shape), data, "", &mut out)?;
+    collect(Some(shape), data, "", 0, &mut out)?;
     Ok(out)
 }
 
@@ -24,8 +28,12 @@ fn collect(
     shape: Option<&Value>,
     data: &Bound<'_, PyAny>,
     path: &str,
+    depth: usize,
     out: &mut Vec<Member>,
 ) -> PyResult<()> {
+    if depth > MAX_DEPTH {
+        return Err(too_deep(path));
+    }
     if let Ok(dict) = data.cast::<PyDict>() {
         // A block of one member, into which naga puts a struct, is used like the member.
         if let Some(Content::Struct(fields)) = shape.map(content)
@@ -33,41 +41,80 @@ fn collect(
             && matches!(content(inner), Content::Struct(_))
             && !dict.contains(name)?
         {
-            return collect(Some(inner), data, path, out);
+            return collect(Some(inner), data, path, depth + 1, out);
         }
         for (name, part) in dict {
             let name: String = name.extract()?;
             let field = shape.and_then(|shape| shape.field(&name));
             let path = if path.is_empty() { name } else { format!("{path}.{name}") };
-            collect(field, &part, &path, out)?;
+            collect(field, &part, &path, depth + 1, out)?;
         }
         return Ok(());
     }
-    if let Some(scalar) = scalar(shape, data)? {
-        out.push((path.to_owned(), scalar));
+    let Some(parts) = dicts_within(data, depth)? else {
+        out.push((path.to_owned(), nested(path, data, depth)?));
         return Ok(());
-    }
-    let parts = data.try_iter().map_err(|_| {
-        let ty = data.get_type();
-        invalid(format!("`{path}` is given a {ty}: neither a number, a list nor a dict"))
-    })?;
+    };
+    // A list of dicts: structs, which are set member by member.
     let elements = shape.map_or(&[][..], |shape| shape.elements());
-    for (at, part) in parts.enumerate() {
-        // Those of a runtime array are all like the first one.
-        let element = elements.get(at).or(elements.first());
-        collect(element, &part?, &format!("{path}[{at}]"), out)?;
+    // A runtime array has no elements here, and grows.
+    if !elements.is_empty() && elements.len() != parts.len() {
+        let (given, wanted) = (parts.len(), elements.len());
+        return Err(invalid(format!("`{path}` has {wanted} elements, and {given} are given")));
+    }
+    for (at, part) in parts.iter().enumerate() {
+        collect(elements.get(at), part, &format!("{path}[{at}]"), depth + 1, out)?;
     }
     Ok(())
 }
 
-/// A number of Python or of numpy; `None` where the data are something else.
-fn scalar(shape: Option<&Value>, data: &Bound<'_, PyAny>) -> PyResult<Option<ScalarValue>> {
-    let is_float = shape.is_some_and(|shape| matches!(content(shape), Content::Scalar(ScalarKind::Float)));
-    number(data, is_float)
+/// The parts of a list in which there are dicts, at any depth.
+fn dicts_within<'py>(data: &Bound<'py, PyAny>, depth: usize) -> PyResult<Option<Vec<Bound<'py, PyAny>>>> {
+    if depth > MAX_DEPTH || data.cast::<PyUntypedArray>().is_ok() {
+        return Ok(None);
+    }
+    let Some(parts) = parts(data)? else { return Ok(None) };
+    // Lists are of one kind: the first element tells.
+    let is_dict = match parts.first() {
+        Some(first) => first.is_instance_of::<PyDict>() || dicts_within(first, depth + 1)?.is_some(),
+        None => false,
+    };
+    Ok(is_dict.then_some(parts))
 }
 
-/// A number of Python or of numpy, with integers as floats where these are wanted.
-fn number(data: &Bound<'_, PyAny>, is_float: bool) -> PyResult<Option<ScalarValue>> {
+/// The elements of a list, a tuple or a range. Texts and sets are no lists of numbers.
+fn parts<'py>(data: &Bound<'py, PyAny>) -> PyResult<Option<Vec<Bound<'py, PyAny>>>> {
+    let is_list = data.is_instance_of::<PyList>()
+        || data.is_instance_of::<PyTuple>()
+        || data.is_instance_of::<PyRange>();
+    if !is_list {
+        return Ok(None);
+    }
+    data.try_iter()?.collect::<PyResult<_>>().map(Some)
+}
+
+/// The scalars of a number, of a list of numbers, or of an array of numpy, in their nesting.
+pub(crate) fn nested(path: &str, data: &Bound<'_, PyAny>, depth: usize) -> PyResult<NestedScalars> {
+    if depth > MAX_DEPTH {
+        return Err(too_deep(path));
+    }
+    if let Some(scalar) = number(path, data)? {
+        return Ok(NestedScalars::One(scalar));
+    }
+    if let Some(parts) = parts(data)? {
+        let parts = parts.iter().map(|part| nested(path, part, depth + 1));
+        return Ok(NestedScalars::Many(parts.collect::<PyResult<_>>()?));
+    }
+    if let Ok(array) = data.cast::<PyUntypedArray>() {
+        check_kind(path, array)?;
+        return nested(path, &array.call_method0("tolist")?, depth + 1);
+    }
+    let ty = data.get_type();
+    Err(invalid(format!("{}a {ty} is given: write a number, a list of numbers or a dict", of(path))))
+}
+
+/// A number of Python or of numpy; `None` where the data are something else.
+fn number(path: &str, data: &Bound<'_, PyAny>) -> PyResult<Option<ScalarValue>> {
     if let Ok(value) = data.cast::<PyBool>() {
         return Ok(Some(ScalarValue::Bool(value.is_true())));
     }
@@ -75,30 +122,143 @@ fn number(data: &Bound<'_, PyAny>, is_float: bool) -> PyResult<Option<ScalarValu
         return Ok(Some(ScalarValue::Double(data.extract()?)));
     }
     if data.is_instance_of::<PyInt>() {
-        if is_float {
-            return Ok(Some(ScalarValue::Double(data.extract()?)));
-        }
-        let value = match data.extract::<i64>() {
-            Ok(value) if value < 0 => ScalarValue::Int(value),
-            _ => ScalarValue::Uint(data.extract()?),
-        };
-        return Ok(Some(value));
+        let value: i128 = data.extract().map_err(|_| {
+            invalid(format!("{}{} is out of the range of every integer type", of(path), short(data)))
+        })?;
+        return Ok(Some(ScalarValue::Whole(value)));
     }
-    // Scalars of numpy, and arrays without dimensions.
-    if data.hasattr("dtype")? && data.getattr("ndim")?.extract::<usize>()? == 0 {
-        return number(&data.call_method0("item")?, is_float);
+    // A scalar of numpy.
+    if data.hasattr("dtype")? && data.cast::<PyUntypedArray>().is_err() {
+        let array = data.py().import("numpy")?.call_method1("asarray", (data,))?;
+        let array = array.cast_into::<PyUntypedArray>()?;
+        check_kind(path, &array)?;
+        return number(path, &array.call_method0("item")?);
     }
     Ok(None)
 }
 
-/// The scalars of a number, or of nested lists of numbers, in order.
-pub(crate) fn flat(data: &Bound<'_, PyAny>, is_float: bool) -> PyResult<Vec<ScalarValue>> {
-    if let Some(scalar) = number(data, is_float)? {
-        return Ok(vec![scalar]);
+/// Numbers of numpy that Python has: bools, integers, floats of up to 64 bits, and objects.
+fn check_kind(path: &str, array: &Bound<'_, PyUntypedArray>) -> PyResult<()> {
+    let dtype = array.dtype();
+    match dtype.kind() {
+        b'b' | b'i' | b'u' | b'O' => Ok(()),
+        b'f' if dtype.itemsize() <= 8 => Ok(()),
+        _ => Err(invalid(format!("{}an array of {dtype} has no numbers that a shader has", of(path)))),
+    }
+}
+
+fn too_deep(path: &str) -> PyErr {
+    invalid(format!("{}lists are nested more than {MAX_DEPTH} deep", of(path)))
+}
+
+/// The begin of a message about a member.
+fn of(path: &str) -> String {
+    if path.is_empty() { String::new() } else { format!("{path}: ") }
+}
+
+/// The text of a large integer.
+fn short(data: &Bound<'_, PyAny>) -> String {
+    let text = data.call_method0("bit_length").and_then(|bits| bits.extract::<u64>());
+    text.map_or_else(|_| "an integer".to_owned(), |bits| format!("an integer of {bits} bits"))
+}
+
+/// A scalar type of numpy and of shaders.
+pub(crate) trait Number: numpy::Element + Copy {
+    /// The shader's type.
+    const TYPE: Type;
+    /// The number of its bits, zero-extended.
+    fn of_bits(bits: u64) -> Self;
+}
+
+macro_rules! numbers {
+    ($($ty:ty: $type:expr, $bits:ident => $of:expr;)*) => {$(
+        impl Number for $ty {
+            const TYPE: Type = $type;
+            fn of_bits($bits: u64) -> Self {
+                $of
+            }
+        }
+    )*};
+}
+
+numbers! {
+    f32: Type::Float { width: 32, encoding: None }, bits => f32::from_bits(bits as u32);
+    u8: Type::Int { width: 8, signed: false }, bits => bits as u8;
+    u32: Type::Int { width: 32, signed: false }, bits => bits as u32;
+    i32: Type::Int { width: 32, signed: true }, bits => bits as i32;
+    u64: Type::Int { width: 64, signed: false }, bits => bits;
+    i64: Type::Int { width: 64, signed: true }, bits => bits as i64;
+}
+
+/// The numbers of a list in which all lists of one depth are as long, row after row, and its shape.
+pub(crate) fn rectangular<T: Number>(name: &str, data: &Bound<'_, PyAny>) -> PyResult<(Vec<T>, Vec<usize>)> {
+    let nested = nested(name, data, 0)?;
+    let (mut lengths, mut first) = (Vec::new(), &nested);
+    while let NestedScalars::Many(list) = first {
+        lengths.push(list.len());
+        match list.first() {
+            Some(inner) => first = inner,
+            None => break,
+        }
     }
     let mut out = Vec::new();
-    for part in data.try_iter()? {
-        out.extend(flat(&part?, is_float)?);
+    flatten(name, &nested, &lengths, &mut out)?;
+    Ok((out, lengths))
+}
+
+fn flatten<T: Number>(
+    name: &str,
+    nested: &NestedScalars,
+    lengths: &[usize],
+    out: &mut Vec<T>,
+) -> PyResult<()> {
+    match (nested, lengths) {
+        (NestedScalars::One(scalar), []) => {
+            let bits = scalar.bits(&T::TYPE).map_err(|why| invalid(format!("{name}: {why}")))?;
+            out.push(T::of_bits(bits));
+            Ok(())
+        }
+        (NestedScalars::Many(list), [length, inner @ ..]) if list.len() == *length => {
+            list.iter().try_for_each(|part| flatten(name, part, inner, out))
+        }
+        _ => Err(invalid(format!("{name}: the lists within it differ in their lengths"))),
     }
-    Ok(out)
+}
+
+/// A float of Python as one of 32 bits.
+#[derive(Clone, Copy)]
+pub(crate) struct F32(pub(crate) f32);
+
+impl<'py> FromPyObject<'_, 'py> for F32 {
+    type Error = PyErr;
+
+    fn extract(given: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
+        let (numbers, lengths) = rectangular::<f32>("a number", &given)?;
+        match (&numbers[..], &lengths[..]) {
+            (&[number], []) => Ok(Self(number)),
+            _ => Err(invalid("a list is given where a number is needed")),
+        }
+    }
+}
+
+/// Arrays of these.
+pub(crate) trait Plain {
+    /// The array of plain floats.
+    type Of;
+    /// Takes them out.
+    fn plain(self) -> Self::Of;
+}
+
+impl Plain for F32 {
+    type Of = f32;
+    fn plain(self) -> f32 {
+        self.0
+    }
+}
+
+impl<T: Plain, const N: usize> Plain for [T; N] {
+    type Of = [T::Of; N];
+    fn plain(self) -> [T::Of; N] {
+        self.map(T::plain)
+    }
 }

@@ -3,18 +3,19 @@
 use std::path::PathBuf;
 
 use anyhit::internals::geometry::Precision;
+use anyhit::internals::harness::data::HostBytes;
 use anyhit::internals::machine::format::Class;
 use anyhit::{Format, Image, ImageShape, StructData};
 use numpy::PyUntypedArrayMethods;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::array::{bytes, slice, typed};
+use crate::array::{slice, typed, typed_bytes};
 use crate::error::{invalid, raised};
 use crate::instance::Instance;
 use crate::loaded_scene::LoadedScene;
 use crate::module::Module;
-use crate::numbers::members;
+use crate::numbers::{Number, members};
 use crate::outcome::{buffer_array, texels};
 
 /// Instances in an acceleration structure, and what the shaders have bound. Methods that bind
@@ -59,8 +60,9 @@ impl Scene {
         Self { scene: self.scene.clone().bind(set, binding) }
     }
 
-    /// Binds a storage or uniform buffer: an array, C-contiguous, of any dtype; `bytes`; or, with
-    /// the module that declares it, a dict by the names of its members.
+    /// Binds a storage or uniform buffer: an array, C-contiguous, whose dtype and shape are
+    /// compared with what the shaders declare; `bytes` or an array of `uint8`, which are not; or,
+    /// with the module that declares it, a dict by the names of its members.
     #[pyo3(signature = (set, binding, data, module=None))]
     fn buffer(
         &self,
@@ -70,7 +72,7 @@ impl Scene {
         module: Option<&Module>,
     ) -> PyResult<Self> {
         let bytes = buffer_bytes(set, binding, data, module)?;
-        Ok(Self { scene: self.scene.clone().buffer(set, binding, &bytes) })
+        Ok(Self { scene: self.scene.clone().buffer_of(set, binding, bytes) })
     }
 
     /// Binds a storage or sampled image of a format, which is the one that the shaders declare: an
@@ -108,8 +110,8 @@ impl Scene {
 
 /// A struct of a module with the members that a dict names.
 pub(crate) fn filled(mut data: StructData, values: &Bound<'_, PyAny>) -> PyResult<StructData> {
-    for (path, scalar) in members(&data.value(), values)? {
-        data = data.set(&path, &[scalar][..]).map_err(raised)?;
+    for (path, value) in members(&data.value(), values)? {
+        data = data.set(&path, value).map_err(raised)?;
     }
     Ok(data)
 }
@@ -120,15 +122,15 @@ pub(crate) fn buffer_bytes(
     binding: u32,
     data: &Bound<'_, PyAny>,
     module: Option<&Module>,
-) -> PyResult<Vec<u8>> {
+) -> PyResult<HostBytes> {
     if !data.is_instance_of::<PyDict>() {
-        return bytes("data", data);
+        return typed_bytes("data", data);
     }
     let Some(module) = module else {
         return Err(invalid("a dict is written as a module lays it out: `module=` names that module"));
     };
     let zeros = StructData::buffer(&module.module, set, binding).map_err(raised)?;
-    Ok(filled(zeros, data)?.bytes().to_vec())
+    Ok(HostBytes::raw(filled(zeros, data)?.bytes()))
 }
 
 /// An array (height, width, 4) of the numbers that a format holds, as an image.
@@ -148,7 +150,7 @@ pub(crate) fn image(texels: &Bound<'_, PyAny>, format: &str) -> PyResult<std::sy
 }
 
 /// An image of an array of numbers, each of which is one word of a texel.
-fn encoded<T: numpy::Element + Copy>(
+fn encoded<T: Number>(
     texels: &Bound<'_, PyAny>,
     format: Format,
     word: impl Fn(T) -> u64,

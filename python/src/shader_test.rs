@@ -2,8 +2,6 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
-use anyhit::ScalarValue;
-use anyhit::internals::ops::builtin::{ValueShape, find_by_name};
 use anyhit::{StructData, Value};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -11,7 +9,7 @@ use pyo3::types::PyDict;
 use crate::error::{from_python, invalid, raised};
 use crate::instance::{Hit, Ray};
 use crate::module::{Module, Program};
-use crate::numbers::{flat, members};
+use crate::numbers::{F32, Member, Plain, members, nested};
 use crate::outcome::ShaderOutcome;
 use crate::payload;
 use crate::scene::{buffer_bytes, filled, image};
@@ -72,11 +70,8 @@ impl ShaderTest {
     /// Sets a builtin by its name in SPIR-V, consistent with the rest or not: "HitKindKHR",
     /// "RayTmax". A number, or a list of them.
     fn builtin(&self, name: &str, value: &Bound<'_, PyAny>) -> PyResult<Self> {
-        let integers =
-            [ValueShape::Bool, ValueShape::Int, ValueShape::Int2, ValueShape::Int3, ValueShape::Int4];
-        let is_float = find_by_name(name).is_some_and(|builtin| !integers.contains(&builtin.shape));
-        let scalars = flat(value, is_float)?;
-        Ok(self.with(|test| test.builtin(name, &scalars[..])))
+        let value = nested(name, value, 0)?;
+        Ok(self.with(|test| test.builtin(name, value)))
     }
 
     /// Sets the payload that the shader is given, or the callable data: a dict by the names of its
@@ -87,13 +82,13 @@ impl ShaderTest {
         };
         let members = members(shape, values)?;
         Ok(self.with(|test| {
-            members.iter().fold(test, |test, (path, scalar)| test.payload_member(path, &[*scalar][..]))
+            members.into_iter().fold(test, |test, (path, value)| test.payload_member(&path, value))
         }))
     }
 
     /// Sets the hit attributes, in place of those of the hit.
-    fn attributes(&self, attributes: [f32; 2]) -> Self {
-        self.with(|test| test.attributes(&attributes))
+    fn attributes(&self, attributes: [F32; 2]) -> Self {
+        self.with(|test| test.attributes(&attributes.plain()))
     }
 
     /// Sets the data of the shader record, by the names of its members.
@@ -108,11 +103,12 @@ impl ShaderTest {
         Ok(self.with(|test| test.push_constants_data(&data)))
     }
 
-    /// Binds a storage or uniform buffer: an array, C-contiguous, of any dtype; `bytes`; or a dict
-    /// by the names of its members.
+    /// Binds a storage or uniform buffer: an array, C-contiguous, whose dtype and shape are
+    /// compared with what the shader declares; `bytes` or an array of `uint8`, which are not; or
+    /// a dict by the names of its members.
     fn buffer(&self, set: u32, binding: u32, data: &Bound<'_, PyAny>) -> PyResult<Self> {
         let bytes = buffer_bytes(set, binding, data, Some(&self.module))?;
-        Ok(self.with(|test| test.buffer(set, binding, &bytes)))
+        Ok(self.with(|test| test.buffer_of(set, binding, bytes)))
     }
 
     /// Binds a storage or sampled image of a format, which is the one that the shader declares: an
@@ -207,8 +203,8 @@ fn keep(py: Python<'_>, slot: &Mutex<Option<PyErr>>, error: PyErr) -> anyhit::Er
 }
 
 /// Writes the members that a callback has returned.
-fn write(data: &mut anyhit::TypedBytes, members: Vec<(String, ScalarValue)>) -> anyhit::Result<()> {
-    members.iter().try_for_each(|(path, scalar)| data.set(path, *scalar))
+fn write(data: &mut anyhit::TypedBytes, members: Vec<Member>) -> anyhit::Result<()> {
+    members.into_iter().try_for_each(|(path, value)| data.set(&path, value))
 }
 
 /// A trace as the tested shader executes it.

@@ -141,7 +141,7 @@ def test_any_hit_shaders_ignore_and_terminate() -> None:
 def test_reports_of_an_intersection_shader() -> None:
     module = anyhit.Module.open(FIXTURES / "pass/intersection/sphere-in-box/main.rint.spv")
     hit = anyhit.Hit.aabb([-1, -1, -1], [1, 1, 1], DOWN)
-    test = anyhit.ShaderTest(module).hit(hit).shader_record({"spheres": [[0, 0, 0, 1]]})
+    test = anyhit.ShaderTest(module).hit(hit).shader_record({"spheres": [[0, 0, 0, 1], *[[0] * 4] * 3]})
     reports = test.run().reports
     # The far root first: z = -1 and z = 1, from z = 4.
     assert [(one["t"], one["kind"], one["accepted"]) for one in reports] == [(5, 6, True), (3, 5, True)]

@@ -13,7 +13,7 @@ use bytemuck::{AnyBitPattern, NoUninit};
 use pretty_assertions::StrComparison;
 
 use crate::error::Result;
-use crate::harness::data::{Bytes, TypedBytes};
+use crate::harness::data::{HostBytes, TypedBytes};
 use crate::harness::explain::Explain;
 use crate::harness::number::{ExpectedNumber, NumberType, Tolerance};
 use crate::harness::shader_outcome::ShaderOutcome;
@@ -293,7 +293,7 @@ where
         Ok(found) => found,
         Err(error) => panic!("{}", error.render()),
     };
-    let is_payload = outcome.payload_data().map_or(Ok(()), |payload| payload.check(&Bytes::of(expected)));
+    let is_payload = outcome.payload_data().map_or(Ok(()), |payload| payload.check(&HostBytes::of(expected)));
     if let Err(error) = is_payload {
         panic!("{}", error.render());
     }

@@ -74,7 +74,7 @@ impl TypedBytes {
     /// # Errors
     /// As [`TypedBytes::read`].
     pub fn write<T: NoUninit + Debug>(&mut self, value: &T) -> Result<()> {
-        self.take(&Bytes::of(value))
+        self.take(&HostBytes::of(value))
     }
 
     /// Overwrites a member, or all of it where the path is empty: `data.set("path[1].weight",
@@ -97,7 +97,7 @@ impl TypedBytes {
     }
 
     /// Overwrites it with bytes of a Rust value.
-    pub(super) fn take(&mut self, given: &Bytes) -> Result<()> {
+    pub(super) fn take(&mut self, given: &HostBytes) -> Result<()> {
         self.check(given)?;
         self.bytes.copy_from_slice(&given.bytes);
         Ok(())
@@ -105,7 +105,7 @@ impl TypedBytes {
 
     /// # Errors
     /// `InvalidArgument` where a Rust value is none of this type.
-    pub(super) fn check(&self, given: &Bytes) -> Result<()> {
+    pub(super) fn check(&self, given: &HostBytes) -> Result<()> {
         if given.bytes.len() != self.bytes.len() {
             return Err(self.layout().mismatch(self.what, &given.rust, None));
         }
@@ -118,14 +118,14 @@ pub(super) fn member_of(path: &str, whole: &str) -> String {
     if path.is_empty() { whole.to_owned() } else { format!("`{path}` of {whole}") }
 }
 
-/// Bytes of a Rust value with what is known of their layout.
+/// Bytes of a Rust value, or of an array of another language, and their layout if it is known.
 #[derive(Clone, Debug)]
-pub(super) struct Bytes {
-    pub rust: RustLayout,
-    pub bytes: Vec<u8>,
+pub struct HostBytes {
+    pub(super) rust: RustLayout,
+    pub(super) bytes: Vec<u8>,
 }
 
-impl Bytes {
+impl HostBytes {
     pub(super) fn of<T: NoUninit + Debug>(value: &T) -> Self {
         Self { rust: RustLayout::of(value), bytes: bytemuck::bytes_of(value).to_vec() }
     }
@@ -134,8 +134,24 @@ impl Bytes {
         Self { rust: RustLayout::of_slice(elements), bytes: bytemuck::cast_slice(elements).to_vec() }
     }
 
+    /// An array of scalars of a type of Rust, by its name, with lengths from the outermost; `None`
+    /// for another name.
+    pub fn of_array(scalar: &str, lengths: &[usize], bytes: Vec<u8>) -> Option<Self> {
+        RustLayout::of_array(scalar, lengths, bytes.len()).map(|rust| Self { rust, bytes })
+    }
+
+    /// Elements of which only the size is known.
+    pub fn of_elements(name: &str, size: usize, bytes: Vec<u8>) -> Self {
+        Self { rust: RustLayout::of_elements(name.to_owned(), size, bytes.len()), bytes }
+    }
+
+    /// True if they have no type.
+    pub(super) fn is_raw(&self) -> bool {
+        matches!(self.rust.known, Known::Bytes)
+    }
+
     /// Bytes without a type.
-    pub(super) fn raw(bytes: &[u8]) -> Self {
+    pub fn raw(bytes: &[u8]) -> Self {
         Self { rust: RustLayout::of_slice(bytes), bytes: bytes.to_vec() }
     }
 }

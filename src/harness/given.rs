@@ -7,7 +7,7 @@ use bytemuck::NoUninit;
 
 use crate::error::{Error, ErrorKind, Result};
 use crate::harness::bound::blocks;
-use crate::harness::data::Bytes;
+use crate::harness::data::HostBytes;
 use crate::harness::device_buffers::DeviceBuffers;
 use crate::harness::fit::check_block;
 use crate::harness::image_views;
@@ -31,9 +31,12 @@ pub(super) struct Given {
 
 impl Given {
     pub(super) fn buffer<T: NoUninit>(&mut self, set: u32, binding: u32, elements: &[T]) {
-        let bytes: &[u8] = bytemuck::cast_slice(elements);
-        self.descriptor(set, binding, Descriptor::Buffer(Buffer::new(bytes)));
-        self.buffers.push((Binding { set, binding }, RustLayout::of_slice(elements)));
+        self.buffer_of(set, binding, HostBytes::of_slice(elements));
+    }
+
+    pub(super) fn buffer_of(&mut self, set: u32, binding: u32, given: HostBytes) {
+        self.descriptor(set, binding, Descriptor::Buffer(Buffer::new(&given.bytes)));
+        self.buffers.push((Binding { set, binding }, given.rust));
     }
 
     pub(super) fn buffer_at<T: NoUninit>(&mut self, address: u64, elements: &[T]) {
@@ -68,7 +71,7 @@ impl Given {
         self.resources.insert(place, 0, descriptor);
     }
 
-    pub(super) fn push_constants(&mut self, given: Bytes) {
+    pub(super) fn push_constants(&mut self, given: HostBytes) {
         self.compared = Arc::default();
         self.resources.push_constants = Some(Buffer::new(&given.bytes));
         self.push_constants = Some(given.rust);
@@ -133,6 +136,19 @@ macro_rules! gives_resources {
             #[must_use]
             pub fn buffer_bytes(self, set: u32, binding: u32, bytes: &[u8]) -> Self {
                 self.buffer(set, binding, bytes)
+            }
+
+            /// Binds a storage or uniform buffer with an array of another language.
+            #[doc(hidden)]
+            #[must_use]
+            pub fn buffer_of(
+                mut self,
+                set: u32,
+                binding: u32,
+                given: crate::harness::data::HostBytes,
+            ) -> Self {
+                self.given.buffer_of(set, binding, given);
+                self
             }
 
             /// Puts a buffer with these elements at a device address, for shaders that reach it by
@@ -201,7 +217,7 @@ macro_rules! gives_resources {
             /// the run, with both layouts.
             #[must_use]
             pub fn push_constants<T: bytemuck::NoUninit + std::fmt::Debug>(mut self, constants: &T) -> Self {
-                self.given.push_constants(crate::harness::data::Bytes::of(constants));
+                self.given.push_constants(crate::harness::data::HostBytes::of(constants));
                 self
             }
 
@@ -209,7 +225,7 @@ macro_rules! gives_resources {
             /// declare.
             #[must_use]
             pub fn push_constants_bytes(mut self, bytes: &[u8]) -> Self {
-                self.given.push_constants(crate::harness::data::Bytes::raw(bytes));
+                self.given.push_constants(crate::harness::data::HostBytes::raw(bytes));
                 self
             }
 

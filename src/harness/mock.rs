@@ -8,7 +8,7 @@ use bytemuck::NoUninit;
 
 use crate::accel::{RecordIndex, Tlas, TraceRay};
 use crate::error::{Error, ErrorKind, Result};
-use crate::harness::data::{Bytes, TypedBytes};
+use crate::harness::data::{HostBytes, TypedBytes};
 use crate::harness::hit::first_hit;
 use crate::harness::instance::Instance;
 use crate::harness::trace::HitRecord;
@@ -226,7 +226,7 @@ pub(super) fn in_turn<C: 'static, T: NoUninit + Debug>(
     what: &'static str,
     parts: fn(&mut C) -> (usize, &mut TypedBytes),
 ) -> Answer<C> {
-    let answers: Vec<Bytes> = answers.iter().map(Bytes::of).collect();
+    let answers: Vec<HostBytes> = answers.iter().map(HostBytes::of).collect();
     let listed = Some((what, answers.len()));
     let answer = Answer::new(move |call| {
         let (number, data) = parts(call);

@@ -149,6 +149,18 @@ impl RustLayout {
         }
     }
 
+    /// An array of scalars of a type by its name, with lengths from the outermost.
+    pub(super) fn of_array(scalar: &str, lengths: &[usize], size: usize) -> Option<Self> {
+        let scalar = HostScalar::ALL.into_iter().find(|known| known.name == scalar)?;
+        let inner: usize = lengths.iter().skip(1).product();
+        Some(Self { element: inner * scalar.size, ..Self::of_row(scalar, lengths.to_vec(), size) })
+    }
+
+    /// A row of elements of which only the size is known.
+    pub(super) fn of_elements(name: String, element: usize, size: usize) -> Self {
+        Self { element, ..Self::untold(name, size) }
+    }
+
     /// Bytes by any name.
     pub fn untold(name: String, size: usize) -> Self {
         Self { name, size, element: size, known: Known::Nothing, fields: Vec::new(), scalar: None }

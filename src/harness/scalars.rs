@@ -73,7 +73,9 @@ impl Scalars for NestedScalars {
 impl NestedScalars {
     fn has_negative(&self) -> bool {
         match self {
-            Self::One(scalar) => matches!(scalar, ScalarValue::Int(value) if *value < 0),
+            Self::One(ScalarValue::Int(value)) => *value < 0,
+            Self::One(ScalarValue::Whole(value)) => *value < 0,
+            Self::One(_) => false,
             Self::Many(list) => list.iter().any(Self::has_negative),
         }
     }

@@ -1,4 +1,4 @@
-//! Bytes of a struct as a shader declares it, written by the names of its members.
+//! HostBytes of a struct as a shader declares it, written by the names of its members.
 
 use std::fmt::Debug;
 use std::sync::Arc;
@@ -6,7 +6,7 @@ use std::sync::Arc;
 use bytemuck::NoUninit;
 
 use crate::error::{Error, ErrorKind, Result};
-use crate::harness::data::{Bytes, member_of};
+use crate::harness::data::{HostBytes, member_of};
 use crate::harness::fit::check_scalars;
 use crate::harness::host_layout::HostLayout;
 use crate::harness::host_layout::compare::compare;
@@ -158,7 +158,7 @@ impl StructData {
     /// # Errors
     /// `InvalidArgument` with both layouts side by side.
     pub fn write<T: NoUninit + Debug>(mut self, value: &T) -> Result<Self> {
-        let given = Bytes::of(value);
+        let given = HostBytes::of(value);
         self.compare(&given)?;
         self.bytes = given.bytes;
         Ok(self)
@@ -166,7 +166,7 @@ impl StructData {
 
     /// # Errors
     /// `InvalidArgument` where a Rust type is no layout of this struct.
-    fn compare(&self, given: &Bytes) -> Result<()> {
+    fn compare(&self, given: &HostBytes) -> Result<()> {
         let (layout, rust) = (self.layout(), &given.rust);
         let size = layout.size();
         // Rust's type may be padded at its end, as an element of an array is.
@@ -217,10 +217,10 @@ impl StructData {
     }
 
     /// Its bytes with a name for errors.
-    pub(super) fn given(&self) -> Bytes {
+    pub(super) fn given(&self) -> HostBytes {
         let name = self.module.describe_type(self.ty);
         let rust = RustLayout::of_block(name, self.bytes.len(), self.layout().lines());
-        Bytes { rust, bytes: self.bytes.clone() }
+        HostBytes { rust, bytes: self.bytes.clone() }
     }
 }
 

@@ -11,7 +11,7 @@ use crate::accel::{Committed, HitKind, RayFlags, TraceRay};
 use crate::error::{Error, ErrorKind, Result};
 use crate::geometry::Ray;
 use crate::harness::bound::{Bound, reads_what_is_bound};
-use crate::harness::data::{Bytes, TypedBytes};
+use crate::harness::data::{HostBytes, TypedBytes};
 use crate::harness::explain::{Explain, Explanation, What};
 use crate::harness::image_views;
 use crate::harness::layout::{Layout, Rules};
@@ -87,7 +87,7 @@ impl RayOperands {
             word[..chunk.len()].copy_from_slice(chunk);
             u32::from_le_bytes(word)
         };
-        Self { payload: Bytes::of(payload).bytes.chunks(4).map(word).collect(), ..self }
+        Self { payload: HostBytes::of(payload).bytes.chunks(4).map(word).collect(), ..self }
     }
 }
 

@@ -17,7 +17,7 @@ use crate::accel::{RayFlags, TraceRay};
 use crate::error::names::nearest;
 use crate::error::{Error, ErrorKind, Result};
 use crate::geometry::Ray;
-use crate::harness::data::Bytes;
+use crate::harness::data::HostBytes;
 use crate::harness::given::{Given, gives_resources};
 use crate::harness::hit::Hit;
 use crate::harness::mock::{Answer, CallableCall, ExecuteCall, TraceCall, in_turn};
@@ -57,10 +57,10 @@ pub struct ShaderTest {
     trace: Option<TraceRay>,
     launch: [[u32; 3]; 2],
     builtins: Vec<(&'static Builtin, Vec<u32>)>,
-    payload: Option<Bytes>,
+    payload: Option<HostBytes>,
     members: Vec<(String, NestedScalars)>,
-    attributes: Option<Bytes>,
-    record: Option<Bytes>,
+    attributes: Option<HostBytes>,
+    record: Option<HostBytes>,
     given: Given,
     traces: Option<Answer<TraceCall>>,
     executes: Option<Answer<ExecuteCall>>,
@@ -177,7 +177,7 @@ impl ShaderTest {
     /// The payload that the shader is given, or the callable data; zeros unless set.
     #[must_use]
     pub fn payload<T: NoUninit + Debug>(self, payload: &T) -> Self {
-        Self { payload: Some(Bytes::of(payload)), ..self }
+        Self { payload: Some(HostBytes::of(payload)), ..self }
     }
 
     /// Sets a member of the payload, or of the callable data, by its path:
@@ -191,19 +191,19 @@ impl ShaderTest {
     /// The hit attributes, in place of those of the [`Hit`].
     #[must_use]
     pub fn attributes<T: NoUninit + Debug>(self, attributes: &T) -> Self {
-        Self { attributes: Some(Bytes::of(attributes)), ..self }
+        Self { attributes: Some(HostBytes::of(attributes)), ..self }
     }
 
     /// The data of the shader record behind its handle (`shaderRecordEXT`).
     #[must_use]
     pub fn shader_record<T: NoUninit + Debug>(self, record: &T) -> Self {
-        Self { record: Some(Bytes::of(record)), ..self }
+        Self { record: Some(HostBytes::of(record)), ..self }
     }
 
     /// The data of the shader record as bytes, little-endian, whatever types the shader declares.
     #[must_use]
     pub fn shader_record_bytes(self, bytes: &[u8]) -> Self {
-        Self { record: Some(Bytes::raw(bytes)), ..self }
+        Self { record: Some(HostBytes::raw(bytes)), ..self }
     }
 
     /// The data of the shader record, written by the names of its members.
