@@ -359,6 +359,19 @@ fn outcomes_are_bound_to_further_runs() -> Result<()> {
     Ok(())
 }
 
+/// Buffers that are bound and those that lie at an address alone.
+#[test]
+fn resources_of_a_scene_are_bound_to_further_runs() -> Result<()> {
+    for (scene, name) in [("ray-query/compute", "outputs"), ("addresses/nested", "materials")] {
+        let outcome = LoadedScene::open(format!("shaders/pass/{scene}/scene.toml"))?.launch()?;
+        let Descriptor::Buffer(buffer) = outcome.descriptor(name)? else { panic!("{name} is no buffer") };
+        assert_eq!(buffer.bytes(), outcome.read_buffer::<u8>(name)?);
+        let error = outcome.descriptor("no-such").unwrap_err();
+        assert!(error.message().contains("no resource `no-such`"), "{}", error.render());
+    }
+    Ok(())
+}
+
 #[test]
 fn a_compute_test_is_run_again_and_again() -> Result<()> {
     let variables = "@group(0) @binding(0) var<storage, read_write> numbers: array<u32>;";

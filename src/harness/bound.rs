@@ -80,6 +80,14 @@ impl Bound {
             .cloned()
             .ok_or_else(|| invalid(format!("nothing is bound at set {set}, binding {binding}")))
     }
+
+    /// The buffer with a name, which is bound nowhere.
+    pub(super) fn named_descriptor(&self, name: &str) -> Result<Descriptor> {
+        let found = self.resources.memory.named_buffer(name);
+        found
+            .map(|(_, buffer)| Descriptor::Buffer(buffer.clone()))
+            .ok_or_else(|| invalid(format!("no buffer with an address is named `{name}`")))
+    }
 }
 
 /// The methods of an outcome that read what its shaders had bound.

@@ -17,7 +17,7 @@ use crate::debug::{ExplainRequest, Session};
 use crate::error::names::nearest;
 use crate::error::{Error, ErrorKind, Result};
 use crate::harness::bound::{self, Bound};
-use crate::harness::data::Bytes;
+use crate::harness::data::HostBytes;
 use crate::harness::loaded_scene::change::{Change, no_instance};
 use crate::harness::many_seeds::ManySeeds;
 use crate::harness::observe::fresh_resources;
@@ -27,8 +27,8 @@ use crate::harness::struct_data::StructData;
 use crate::harness::texels::Texels;
 use crate::harness::typed_scene;
 use crate::harness::value::Value;
-use crate::machine::Resources;
 use crate::machine::printed::PrintedLine;
+use crate::machine::{Descriptor, Resources};
 use crate::module::Module;
 use crate::ops::pointer::storage;
 use crate::pipeline::WrittenMemory;
@@ -114,7 +114,23 @@ impl LoadedScene {
     /// # Errors
     /// `InvalidArgument` where the scene has no buffer of that name, or of another size.
     pub fn set_buffer<T: NoUninit>(&mut self, name: &str, elements: &[T]) -> Result<&mut Self> {
-        let given = Bytes::of_slice(elements);
+        self.set_sized_buffer(name, HostBytes::of_slice(elements))
+    }
+
+    /// As [`LoadedScene::set_buffer`], with an array of another language; as
+    /// [`LoadedScene::set_buffer_bytes`], with bytes.
+    ///
+    /// # Errors
+    /// As there.
+    #[doc(hidden)]
+    pub fn set_buffer_of(&mut self, name: &str, given: HostBytes) -> Result<&mut Self> {
+        match given.is_raw() {
+            true => self.change(Change::Buffer(name.to_owned(), given)),
+            false => self.set_sized_buffer(name, given),
+        }
+    }
+
+    fn set_sized_buffer(&mut self, name: &str, given: HostBytes) -> Result<&mut Self> {
         let known = self.scene.resources.iter().find(|one| one.name == name);
         let size = known.and_then(|one| one.resource.buffer_size().ok().flatten());
         let unbound = || self.scene.unbound.iter().find(|one| one.name == name)?.data.size().ok();
@@ -136,7 +152,7 @@ impl LoadedScene {
     /// # Errors
     /// `InvalidArgument` where the scene has no buffer of that name.
     pub fn set_buffer_bytes(&mut self, name: &str, bytes: &[u8]) -> Result<&mut Self> {
-        self.change(Change::Buffer(name.to_owned(), Bytes::raw(bytes)))
+        self.change(Change::Buffer(name.to_owned(), HostBytes::raw(bytes)))
     }
 
     /// The device address of a buffer or an acceleration structure, by its name: for data that
@@ -163,7 +179,7 @@ impl LoadedScene {
     /// # Errors
     /// `InvalidArgument` where no shader of the scene declares push constants.
     pub fn set_push_constants<T: NoUninit + Debug>(&mut self, constants: &T) -> Result<&mut Self> {
-        self.push_constants(Bytes::of(constants))
+        self.push_constants(HostBytes::of(constants))
     }
 
     /// Replaces the scene's push constants by a struct that is written by the names of its members.
@@ -180,10 +196,19 @@ impl LoadedScene {
     /// # Errors
     /// As [`LoadedScene::set_push_constants`].
     pub fn set_push_constants_bytes(&mut self, bytes: &[u8]) -> Result<&mut Self> {
-        self.push_constants(Bytes::raw(bytes))
+        self.push_constants(HostBytes::raw(bytes))
     }
 
-    fn push_constants(&mut self, given: Bytes) -> Result<&mut Self> {
+    /// As [`LoadedScene::set_push_constants`], with an array of another language.
+    ///
+    /// # Errors
+    /// As there.
+    #[doc(hidden)]
+    pub fn set_push_constants_of(&mut self, given: HostBytes) -> Result<&mut Self> {
+        self.push_constants(given)
+    }
+
+    fn push_constants(&mut self, given: HostBytes) -> Result<&mut Self> {
         for shader in &self.scene.shaders {
             let module = self.module(&shader.name)?;
             if module.variables.iter().any(|variable| variable.storage_class == storage::PUSH_CONSTANT) {
@@ -199,7 +224,7 @@ impl LoadedScene {
     /// # Errors
     /// `InvalidArgument` where the scene has no such record, or several.
     pub fn set_shader_record<T: NoUninit + Debug>(&mut self, name: &str, record: &T) -> Result<&mut Self> {
-        self.change(Change::ShaderRecord(name.to_owned(), Bytes::of(record)))
+        self.change(Change::ShaderRecord(name.to_owned(), HostBytes::of(record)))
     }
 
     /// Replaces the data of a shader record by a struct that is written by the names of its
@@ -217,7 +242,7 @@ impl LoadedScene {
     /// # Errors
     /// As [`LoadedScene::set_shader_record`].
     pub fn set_shader_record_bytes(&mut self, name: &str, bytes: &[u8]) -> Result<&mut Self> {
-        self.change(Change::ShaderRecord(name.to_owned(), Bytes::raw(bytes)))
+        self.change(Change::ShaderRecord(name.to_owned(), HostBytes::raw(bytes)))
     }
 
     /// The module of a shader, by its name below `[shaders]`, for [`StructData`]; a source is
@@ -578,6 +603,18 @@ impl SceneOutcome {
         match self.find(name)? {
             Found::Binding([set, binding]) => self.bound.image(set, binding),
             Found::Address(_) => Err(invalid(format!("`{name}` is a buffer"))),
+        }
+    }
+
+    /// The descriptor of a resource, with what shaders wrote, to bind it elsewhere:
+    /// `test.descriptor(0, 2, outcome.descriptor("picture")?)`. No run changes it.
+    ///
+    /// # Errors
+    /// `InvalidArgument` where the scene has no such resource.
+    pub fn descriptor(&self, name: &str) -> Result<Descriptor> {
+        match self.find(name)? {
+            Found::Binding([set, binding]) => self.bound.descriptor(set, binding),
+            Found::Address(_) => self.bound.named_descriptor(name),
         }
     }
 

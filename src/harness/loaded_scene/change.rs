@@ -8,7 +8,7 @@ use crate::accel::motion::Motion;
 use crate::accel::{Tlas, TlasInstance};
 use crate::error::{Error, Result};
 use crate::harness::bound::blocks;
-use crate::harness::data::Bytes;
+use crate::harness::data::HostBytes;
 use crate::harness::fit::check_block;
 use crate::harness::layout::{Layout, Rules};
 use crate::harness::loaded_scene::{invalid, unknown};
@@ -23,9 +23,9 @@ use crate::scene::{Assembled, ResolvedScene};
 /// A change of a scene.
 #[derive(Clone)]
 pub(super) enum Change {
-    Buffer(String, Bytes),
-    PushConstants(Bytes),
-    ShaderRecord(String, Bytes),
+    Buffer(String, HostBytes),
+    PushConstants(HostBytes),
+    ShaderRecord(String, HostBytes),
     Transform(usize, [[f32; 4]; 3]),
     Motion(usize, Motion),
     Shader(String, PathBuf, ShaderCode),
@@ -84,7 +84,10 @@ impl Change {
             }
             Self::Shader(name, path, code) => {
                 let unknown = unknown("shader", name, scene.shaders.iter().map(|one| one.name.as_str()));
-                let shader = scene.shaders.iter_mut().find(|one| one.name == *name).ok_or(unknown)?;
+                let index = scene.shaders.iter().position(|one| one.name == *name).ok_or(unknown)?;
+                // Data may have been laid out by the module that was there.
+                scene.loaded.remove(&index);
+                let shader = &mut scene.shaders[index];
                 shader.path.clone_from(path);
                 shader.code.clone_from(code);
             }
@@ -100,7 +103,7 @@ impl Change {
     /// # Errors
     /// `InvalidArgument` with both layouts.
     pub(super) fn check(&self, scene: &ResolvedScene, assembled: &Assembled) -> Result<()> {
-        let compare = |program: &Arc<Program>, ty: TypeId, what: &str, given: &Bytes| {
+        let compare = |program: &Arc<Program>, ty: TypeId, what: &str, given: &HostBytes| {
             let layout = Layout::new(&program.module, ty, Rules::Explicit);
             check_block(layout, what, &given.rust, &|| given.bytes.clone())
         };
