@@ -327,14 +327,14 @@ fn member(value: &str) -> String {
 
 #[test]
 fn numbers_out_of_range_are_refused() {
-    refused(&member("u = -1"), &["uint goes from 0 to 4294967295", "s.toml:5:"]);
-    refused(&member("u = 4294967296"), &["uint goes from 0 to 4294967295"]);
-    refused(&member("u8 = 256"), &["uint8_t goes from 0 to 255"]);
-    refused(&member("i16 = 40000"), &["int16_t goes from -32768 to 32767"]);
-    refused(&member("i64 = 18446744073709551615"), &["int64_t goes from"]);
+    refused(&member("u = -1"), &["uint ranges from 0 to 4294967295", "s.toml:5:"]);
+    refused(&member("u = 4294967296"), &["uint ranges from 0 to 4294967295"]);
+    refused(&member("u8 = 256"), &["uint8_t ranges from 0 to 255"]);
+    refused(&member("i16 = 40000"), &["int16_t ranges from -32768 to 32767"]);
+    refused(&member("i64 = 18446744073709551615"), &["int64_t ranges from"]);
     refused(&member("f = 1e40"), &["`1e40` is out of the range of float"]);
     refused(&member("h = 65520.0"), &["is out of the range of float16_t"]);
-    refused(&member("d = 1e-400"), &["`1e-400` is not 0 and rounds to 0 as double"]);
+    refused(&member("d = 1e-400"), &["`1e-400` is too small for double: it rounds to 0"]);
     refused(&member("h = 2049"), &["`2049` is no float16_t: the nearest is 2048"]);
     refused(&member("f = 0x10"), &["numbers are decimal", "help: write the number in decimal"]);
 }
@@ -347,7 +347,7 @@ fn kinds_do_not_mix() {
     refused(&member("u8 = true"), &["`u8` is uint8_t"]);
     refused(&types("specialization = { 5 = 1 }", ""), &["1 is neither true nor false: write `true`"]);
     refused(&types("specialization = { 3 = { f32 = 1.5 } }", ""), &["the f32 1.5 is not uint"]);
-    refused(&types("specialization = { 3 = true }", ""), &["true is no number"]);
+    refused(&types("specialization = { 3 = true }", ""), &["true is not a number"]);
 }
 
 #[test]
@@ -360,8 +360,8 @@ fn shapes_are_compared() {
     refused(&member("arr = [[0, 0], [0, 0], [0, 0]]"), &["`arr[0]`"]);
     refused(&member("u = [1]"), &["`u` is uint: a whole number is needed, an array is given"]);
     refused(&member("f = { f32 = [1, 2] }"), &["`f` is float of 4 bytes, and the piece has 8"]);
-    refused(&member("f = { u32 = 1 }"), &["`f` is float, given the u32 1", "help: write `f32 = ...`"]);
-    refused(&member("v3 = { u32 = [1, 2, 3] }"), &["`v3` is vec3, given the u32 1"]);
+    refused(&member("f = { u32 = 1 }"), &["`f` is float: found the u32 1", "help: write `f32 = ...`"]);
+    refused(&member("v3 = { u32 = [1, 2, 3] }"), &["`v3` is vec3: found the u32 1"]);
 }
 
 /// Rows of 12 bytes for a `vec3[]`, whose elements lie 16 bytes apart.
@@ -370,9 +370,9 @@ fn strides_are_compared() {
     let vectors = |data: &str| {
         types("", &format!("[resources.v]\ntype = 'storage_buffer'\nbinding = 1\ndata = {{ {data} }}"))
     };
-    refused(&vectors("f32 = [[1, 2, 3], [4, 5, 6]]"), &["the f32 4.0 at byte 12 lies in padding", "help: "]);
+    refused(&vectors("f32 = [[1, 2, 3], [4, 5, 6]]"), &["the f32 4.0 at byte 12 is in padding", "help: "]);
     refused(&vectors("f64 = [[1, 2], [3, 4]]"), &["given the f64 1.0"]);
-    refused(&vectors("u32 = [1, 2, 3]"), &["is float, given the u32 1", "help: write `f32 = ...`, or bytes"]);
+    refused(&vectors("u32 = [1, 2, 3]"), &["is float: found the u32 1", "help: write `f32 = ...`, or bytes"]);
     for data in ["f32 = [[1, 2, 3, 0], [4, 5, 6, 0]]", "value = [[1, 2, 3], [4, 5, 6]]"] {
         let bytes = buffer(&resolve(&vectors(data)).unwrap(), 1);
         assert_eq!(bytes[16..20], 4f32.to_le_bytes(), "{data}");
@@ -384,10 +384,10 @@ fn strides_are_compared() {
 #[test]
 fn push_constants_are_those_of_the_shader() {
     let long = format!("push_constants = {{ u32 = {:?} }}", [0; 100]);
-    refused(&types("", &long), &["the push constants have 400 bytes, and the shaders declare 16", "help: "]);
+    refused(&types("", &long), &["the push constants have 400 bytes, but the shaders declare 16", "help: "]);
     refused(
         &types("", "push_constants = { f32 = [7, 0.25, 0, 0] }"),
-        &["`count` is uint, given the f32 7.0"],
+        &["`count` is uint: found the f32 7.0"],
     );
     refused(
         &types("", "push_constants = { value = { cuont = 1 } }"),
@@ -417,9 +417,9 @@ fn payloads_of_rays_have_the_types_of_the_shaders() {
     assert_eq!(words[2..5], [3f32.to_bits(), 7, 1]);
     assert_eq!(scene("{ hex = '01000000' }").unwrap()[0], 1);
     for (payload, wanted) in [
-        ("{ u32 = [1, 2, 3] }", "`c` is float, given the u32 1"),
-        ("[{ f32 = [1, 2, 3] }, { i32 = -1 }]", "`hits` is uint, given the i32 -1"),
-        ("{ f64 = 1 }", "`c` is float, given the f64 1.0"),
+        ("{ u32 = [1, 2, 3] }", "`c` is float: found the u32 1"),
+        ("[{ f32 = [1, 2, 3] }, { i32 = -1 }]", "`hits` is uint: found the i32 -1"),
+        ("{ f64 = 1 }", "`c` is float: found the f64 1.0"),
     ] {
         let report = scene(payload).expect_err(payload).render();
         assert!(report.contains(wanted) && report.contains("s.toml:14:"), "{report}");
@@ -440,8 +440,8 @@ fn expected_integers_are_integers() {
     for (text, wanted) in [
         ("u32 = 7.999", "expected an integer (u32), found a float"),
         ("u32 = nan", "expected an integer (u32), found a float"),
-        ("u32 = -1", "u32 goes from 0 to 4294967295"),
-        ("u32 = 4294967296", "u32 goes from 0 to 4294967295"),
+        ("u32 = -1", "u32 ranges from 0 to 4294967295"),
+        ("u32 = 4294967296", "u32 ranges from 0 to 4294967295"),
         ("f32 = 1e40", "`1e40` is out of the range of f32"),
         ("f16 = 2049", "`2049` is no f16: the nearest is 2048"),
         ("f32 = true", "expected a number, found a Boolean"),
@@ -528,8 +528,8 @@ mod command_line {
     fn other_types_than_the_shader_s_are_refused() {
         let folder = tempfile::tempdir().unwrap();
         for (flag, value, wanted) in [
-            ("--buffer=", "0,3=f32 = [1.5]", "is uint, given the f32 1.5"),
-            ("--push=", "f32 = [7, 0.25]", "`count` is uint, given the f32 7.0"),
+            ("--buffer=", "0,3=f32 = [1.5]", "is uint: found the f32 1.5"),
+            ("--push=", "f32 = [7, 0.25]", "`count` is uint: found the f32 7.0"),
             ("--push=", "u32 = [1, 0, 0, 0, 0, 0, 0, 0, 0, 0]", "the shaders declare 16"),
             ("--spec=", "5=1", "write `true`"),
         ] {

@@ -153,7 +153,7 @@ pub(crate) fn typed_bytes(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Host
     let (kind, size) = (dtype.kind(), dtype.itemsize());
     if !dtype.is_native_byteorder().unwrap_or(true) {
         return Err(invalid(format!(
-            "{name}: an array of {dtype}, whose bytes are in another order: `{name}.astype({name}.dtype.newbyteorder('='))` swaps them"
+            "{name}: an array of {dtype} has another byte order: convert it with `{name}.astype({name}.dtype.newbyteorder('='))`"
         )));
     }
     let scalar = match kind {
@@ -166,13 +166,13 @@ pub(crate) fn typed_bytes(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Host
         b'V' => return Ok(HostBytes::raw(&bytes(name, given)?)),
         b'b' => {
             return Err(invalid(format!(
-                "{name}: an array of bool, which in buffers is an integer of 32 bits: `{name}.astype(numpy.uint32)`"
+                "{name}: an array of bool does not match a bool in a buffer, which has 32 bits: use `{name}.astype(numpy.uint32)`"
             )));
         }
-        _ => return Err(invalid(format!("{name}: an array of {dtype} has no numbers that a shader has"))),
+        _ => return Err(invalid(format!("{name}: an array of {dtype} has no equivalent in a shader"))),
     };
     let known = HostBytes::of_array(&scalar, array.shape(), bytes(name, given)?);
-    known.ok_or_else(|| invalid(format!("{name}: an array of {dtype} has no numbers that a shader has")))
+    known.ok_or_else(|| invalid(format!("{name}: an array of {dtype} has no equivalent in a shader")))
 }
 
 /// Bytes as an array of a dtype and shape, without a copy.

@@ -60,7 +60,7 @@ fn collect(
     // A runtime array has no elements here, and grows.
     if !elements.is_empty() && elements.len() != parts.len() {
         let (given, wanted) = (parts.len(), elements.len());
-        return Err(invalid(format!("`{path}` has {wanted} elements, and {given} are given")));
+        return Err(invalid(format!("`{path}` has {wanted} elements, found {given}")));
     }
     for (at, part) in parts.iter().enumerate() {
         collect(elements.get(at), part, &format!("{path}[{at}]"), depth + 1, out)?;
@@ -110,7 +110,7 @@ pub(crate) fn nested(path: &str, data: &Bound<'_, PyAny>, depth: usize) -> PyRes
         return nested(path, &array.call_method0("tolist")?, depth + 1);
     }
     let ty = data.get_type();
-    Err(invalid(format!("{}a {ty} is given: write a number, a list of numbers or a dict", of(path))))
+    Err(invalid(format!("{}expected a number, a list of numbers or a dict, found a {ty}", of(path))))
 }
 
 /// A number of Python or of numpy; `None` where the data are something else.
@@ -143,7 +143,7 @@ fn check_kind(path: &str, array: &Bound<'_, PyUntypedArray>) -> PyResult<()> {
     match dtype.kind() {
         b'b' | b'i' | b'u' | b'O' => Ok(()),
         b'f' if dtype.itemsize() <= 8 => Ok(()),
-        _ => Err(invalid(format!("{}an array of {dtype} has no numbers that a shader has", of(path)))),
+        _ => Err(invalid(format!("{}an array of {dtype} has no equivalent in a shader", of(path)))),
     }
 }
 
@@ -221,7 +221,7 @@ fn flatten<T: Number>(
         (NestedScalars::Many(list), [length, inner @ ..]) if list.len() == *length => {
             list.iter().try_for_each(|part| flatten(name, part, inner, out))
         }
-        _ => Err(invalid(format!("{name}: the lists within it differ in their lengths"))),
+        _ => Err(invalid(format!("{name}: the lists in it have different lengths"))),
     }
 }
 
@@ -236,7 +236,7 @@ impl<'py> FromPyObject<'_, 'py> for F32 {
         let (numbers, lengths) = rectangular::<f32>("a number", &given)?;
         match (&numbers[..], &lengths[..]) {
             (&[number], []) => Ok(Self(number)),
-            _ => Err(invalid("a list is given where a number is needed")),
+            _ => Err(invalid("expected a number, found a list")),
         }
     }
 }

@@ -23,10 +23,12 @@ impl FloatMisfit {
     pub(crate) fn describe(self, number: &str, ty: &str) -> String {
         match self {
             Self::Overflows => format!("{number} is out of the range of {ty}"),
-            Self::Vanishes => format!("{number} is not 0 and rounds to 0 as {ty}"),
+            Self::Vanishes => format!("{number} is too small for {ty}: it rounds to 0"),
             Self::NoInfinity => format!("{ty} has no infinity"),
-            Self::Inexact(nearest) => format!("{number} is no {ty}: the nearest is {nearest}"),
-            Self::NoNumber => format!("{number} is no number"),
+            Self::Inexact(nearest) => {
+                format!("{number} is not exactly representable as {ty}: the nearest value is {nearest}")
+            }
+            Self::NoNumber => format!("{number} is not a number"),
         }
     }
 }

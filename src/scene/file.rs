@@ -684,7 +684,7 @@ fn payload(value: TomlValue<'_>) -> Option<(Vec<u32>, Vec<TypedScalars>)> {
     let (bytes, typed) =
         match data.encode_typed(&DataSources::files(&EmbeddedFiles(&[]), &OpenModels::default())) {
             Ok(encoded) => encoded,
-            Err(_) => return value.wrong("the payload of a ray is given in place: `{ f32 = [1, 2] }`"),
+            Err(_) => return value.wrong("a ray requires its payload as data in place: `{ f32 = [1, 2] }`"),
         };
     let words = bytes.chunks_exact(4);
     if !words.remainder().is_empty() {

@@ -181,7 +181,7 @@ impl LiteralValue {
                 }
             }
             (Self::Bytes(bytes, _), _) => Err(format!(
-                "{} bytes are given where {size} are needed (VUID-VkSpecializationMapEntry-constantID-00776)",
+                "expected {size} bytes, found {} (VUID-VkSpecializationMapEntry-constantID-00776)",
                 bytes.len()
             )),
             (Self::Boolean(flag), Type::Bool) => Ok(u64::from(*flag)),
@@ -193,12 +193,12 @@ impl LiteralValue {
                 whole_bits(digits, format).map_err(|misfit| misfit.describe(digits, type_name(ty)))
             }
             (Self::Integer(..), Type::Float { .. }) => {
-                Err("a float is written in decimal, or its bits as `{ hex = \"...\" }`".to_owned())
+                Err("write a float in decimal, or its bits as `{ hex = \"...\" }`".to_owned())
             }
             (Self::Float(text), Type::Float { .. }) => {
                 decimal_bits(text, format).map_err(|misfit| misfit.describe(text, type_name(ty)))
             }
-            (Self::Boolean(flag), _) => Err(format!("{flag} is no number")),
+            (Self::Boolean(flag), _) => Err(format!("{flag} is not a number")),
             (Self::Integer(digits, _), _) => Err(match &**digits {
                 "0" => "0 is neither true nor false: write `false`".to_owned(),
                 "1" => "1 is neither true nor false: write `true`".to_owned(),
@@ -260,13 +260,17 @@ mod tests {
     #[test]
     fn values_of_no_such_type_say_why() {
         for (literal, ty, why) in [
-            (float_bits("2.0"), UINT, "2.0 is no whole number"),
-            (LiteralValue::Boolean(true), UINT, "true is no number"),
+            (float_bits("2.0"), UINT, "2.0 is not an integer"),
+            (LiteralValue::Boolean(true), UINT, "true is not a number"),
             (integer(255), BYTE, "255 is out of the range of int8_t, -128 to 127"),
             (integer(-129), BYTE, "-129 is out of the range of int8_t, -128 to 127"),
             (integer(-1), UINT, "-1 is out of the range of uint, 0 to 4294967295"),
-            (integer(16_777_217), FLOAT, "16777217 is no float: the nearest is 16777216"),
-            (float_bits("1e-46"), FLOAT, "1e-46 is not 0 and rounds to 0 as float"),
+            (
+                integer(16_777_217),
+                FLOAT,
+                "16777217 is not exactly representable as float: the nearest value is 16777216",
+            ),
+            (float_bits("1e-46"), FLOAT, "1e-46 is too small for float: it rounds to 0"),
             (integer(2), Type::Bool, "2 is neither true nor false"),
             (integer(1), Type::Bool, "1 is neither true nor false: write `true`"),
             (LiteralValue::Bytes(vec![0, 0, 128, 63], Some(Scalar::F32)), UINT, "the f32 1.0 is not uint"),

@@ -515,7 +515,7 @@ impl Writer<'_> {
         let module = layout.module;
         let what = module.describe_type(layout.ty);
         let wrong_size =
-            |size: usize| format!("`{path}` is {what} of {size} bytes, and the piece has {}", bytes.len());
+            |size: usize| format!("`{path}` is {what} of {size} bytes, but the piece has {}", bytes.len());
         if let Type::Vector { .. } | Type::Matrix { .. } = layout.module.ty(layout.ty) {
             // The scalars of a piece follow each other as they do in memory.
             let mut scalars = layout.scalars();
@@ -526,7 +526,7 @@ impl Writer<'_> {
             }
             let ty = scalars.first().map(|(_, part)| module.ty(part.ty));
             if let Some(wrong) = ty.and_then(|ty| typed.iter().find_map(|typed| typed.misfit_in(ty))) {
-                return self.wrong(value, format!("`{path}` is {what}, given {wrong}"));
+                return self.wrong(value, format!("`{path}` is {what}: found {wrong}"));
             }
             for ((offset, _), scalar) in scalars.iter().zip(bytes.chunks(width)) {
                 self.put(at.checked_add(*offset)?, scalar, value)?;
@@ -568,7 +568,7 @@ impl Writer<'_> {
                 let whole = match value.toml() {
                     // Compilers store the bools of a buffer as 32-bit integers.
                     Toml::Boolean(flag) if width == 32 => i128::from(*flag),
-                    _ if !number => return self.mismatch(layout, value, path, "a whole number"),
+                    _ if !number => return self.mismatch(layout, value, path, "an integer"),
                     _ if signed => {
                         let most = 1i128 << (width - 1);
                         integer(value, -most, most - 1, &layout.module.describe_type(layout.ty))?

@@ -82,13 +82,13 @@ impl TypedScalars {
                         }
                         _ => "help: insert `{ align = N }` or `{ zeros = N }` before it".to_owned(),
                     };
-                    return wrong(format!("`{path}` is {declared}, given the {name} {text}"), help);
+                    return wrong(format!("`{path}` is {declared}: found the {name} {text}"), help);
                 }
                 Part::Padding => {
                     let text = self.scalar.text(bits);
                     return wrong(
-                        format!("the {name} {text} at byte {offset} lies in padding, which no shader reads"),
-                        "help: write zeros where the layout has padding, or `value = ...` by the names of members"
+                        format!("the {name} {text} at byte {offset} is in padding, which no shader reads"),
+                        "help: write zeros where the layout has padding, or set members by name with `value = ...`"
                             .to_owned(),
                     );
                 }
@@ -195,7 +195,7 @@ pub(super) fn check_size(modules: &[Arc<Module>], size: u64, span: &Span) -> Opt
         longest = [longest, layout].into_iter().flatten().max_by_key(|layout| layout.size());
     }
     let layout = longest.filter(|layout| size >= (layout.size() + PADDING) as u64)?;
-    let message = format!("the push constants have {size} bytes, and the shaders declare {}", layout.size());
+    let message = format!("the push constants have {size} bytes, but the shaders declare {}", layout.size());
     let error = span.error_with(message, "given here").note_lines(layout_note(layout));
-    Some(error.note("help: give the members that the shaders declare"))
+    Some(error.note("help: set only members that the shaders declare"))
 }
