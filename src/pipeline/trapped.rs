@@ -471,8 +471,11 @@ mod tests {
     fn a_record_without_a_shader_is_told_with_its_group() {
         let sbt = Sbt { hit: vec![None, Some(SbtRecord::new(4))], miss: vec![None], ..Sbt::default() };
         let note = |code, index| unusable_record(&sbt, code, index, None).expect("a note").note;
-        assert!(note(TrapCode::NullMiss, 0).contains("of a table with 1 record, is null: `miss`"));
+        assert!(note(TrapCode::NullMiss, 0).contains("of a table with 1 record, is null: see `miss`"));
         let named = note(TrapCode::NullClosestHit, 1);
-        assert!(named.contains("2 records, refers to group 4, which has no such shader: `hit`"), "{named}");
+        assert!(
+            named.contains("2 records, refers to group 4, which has no such shader: see `hit`"),
+            "{named}"
+        );
     }
 }

@@ -248,6 +248,9 @@ impl<'a> TomlValue<'a> {
 
     fn report_unexpected(&self, wanted: &str) {
         let found = self.toml().what();
+        if let Some(recorder) = self.report.recorder() {
+            recorder.refused(self.node.range.clone());
+        }
         self.report.push(self.span().error_with(format!("expected {wanted}, found {found}"), "here"));
     }
 

@@ -2,9 +2,7 @@
 
 use std::cell::{Cell, RefCell};
 
-use std::ops::Range;
-
-use crate::error::{Error, Place, Result};
+use crate::error::{Error, Result};
 use crate::escape;
 use crate::input::{InputLimit, InputLimits};
 use crate::scene::read::Span;
@@ -35,15 +33,6 @@ impl Diagnostics {
 
     pub(super) fn recorder(&self) -> Option<&RequestRecorder> {
         self.recorder.as_ref()
-    }
-
-    /// Whether a value of another type was expected at a place.
-    pub(super) fn expected_at(&self, range: &Range<usize>) -> bool {
-        let is_there = |place: &Place| matches!(place, Place::Text { span, .. } if span == range);
-        self.errors.borrow().iter().any(|error| {
-            error.message().starts_with("expected ")
-                && error.places().next().is_some_and(|(place, _)| is_there(place))
-        })
     }
 
     /// The limits of what is read.

@@ -24,6 +24,8 @@ pub struct RequestRecorder {
     pub(super) names: RefCell<Vec<(Range<usize>, Vec<&'static str>)>>,
     /// The tables whose keys are the user's names.
     pub(super) open: RefCell<Vec<Range<usize>>>,
+    /// The values that were expected to have another type.
+    pub(super) refused: RefCell<Vec<Range<usize>>>,
 }
 
 /// How a key was requested.
@@ -48,6 +50,11 @@ impl RequestRecorder {
     /// All keys of the table at a place were requested, whatever they are.
     pub(super) fn any_key(&self, table: &Range<usize>) {
         self.open.borrow_mut().push(table.clone());
+    }
+
+    /// A value of another type was expected at a place.
+    pub(super) fn refused(&self, value: Range<usize>) {
+        self.refused.borrow_mut().push(value);
     }
 
     /// The value at a place was read as one of some names.

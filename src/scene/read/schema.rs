@@ -60,8 +60,9 @@ impl Spot<'_> {
         let mut path = std::iter::once("x").chain(self.path.iter().copied());
         let at = path.try_fold(document.node(), member);
         let Some(range) = at.map(|node| node.range.clone()) else { return Found::default() };
-        let mut found = Found { refused: report.expected_at(&range), ..Found::default() };
+        let mut found = Found::default();
         let Some(recorder) = report.recorder() else { return found };
+        found.refused = recorder.refused.borrow().contains(&range);
         for (_, key, request) in recorder.keys.borrow().iter().filter(|(table, ..)| *table == range) {
             let known = found.keys.entry(*key).or_default();
             known.schema = known.schema.or(request.schema);
