@@ -68,6 +68,20 @@ fn what_a_module_does_not_use_is_a_note() {
     assert!(ran.code == Some(2) && ran.err.contains("named `width`"), "{}", ran.err);
 }
 
+/// The workgroups of the shader are as wide as constant 0 says, and its buffer is as long by
+/// default.
+#[test]
+fn sizes_follow_constants_in_every_spelling() {
+    let run =
+        |value: &str| anyhit(&["run", "spirv-fixtures/pass/compute/builtins/main.comp.spv", "--spec", value]);
+    let (decimal, default) = (run("0=8"), run("0=4"));
+    assert_eq!(decimal.code, Some(0), "{}", decimal.err);
+    assert_ne!(decimal.out, default.out);
+    for value in ["0=0x8", "0=0b1000", "0={ u32 = 8 }", "0 = +8"] {
+        assert_eq!((run(value).code, run(value).out), (Some(0), decimal.out.clone()), "{value}");
+    }
+}
+
 #[test]
 fn every_command_calls_a_limit_so() {
     const SCENE: &str = "shaders/pass/compute/prefix-sum/scene.toml";

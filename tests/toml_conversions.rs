@@ -426,6 +426,26 @@ fn payloads_of_rays_have_the_types_of_the_shaders() {
     }
 }
 
+/// `payload.rchit` has a record of a `uint` and a `float`.
+#[test]
+fn records_are_those_of_the_shader() {
+    let scene = |record: &str| {
+        format!(
+            "version = 1\n[shaders.main]\npath = 'payload.spv'\n[pipeline]\n\
+             hit = [{{ closest_hit = 'main', record = {record} }}]\n"
+        )
+    };
+    for record in ["{ value = { id = 7, k = 0.5 } }", "[{ i32 = 7 }, { f32 = 0.5 }]", "{ u32 = [7, 0] }"] {
+        let scene = resolve(&scene(record)).unwrap_or_else(|error| panic!("{record}\n{}", error.render()));
+        let hit = scene.pipeline.sbt.hit[0].data.bytes().expect("bytes").to_vec();
+        assert_eq!(hit[..4], 7u32.to_le_bytes(), "{record}");
+    }
+    refused(&scene("{ value = { id = -1, k = 0.5 } }"), &["uint goes from 0 to 4294967295", "s.toml:5:"]);
+    refused(&scene("{ value = { id = 1, k = 1e40 } }"), &["`1e40` is out of the range of float"]);
+    refused(&scene("{ f32 = [7, 0.5] }"), &["`id` is uint, given the f32 7.0", "help: write `u32 = ...`"]);
+    refused(&scene("{ value = { idd = 1, k = 0.5 } }"), &["no member `idd`", "did you mean `id`?"]);
+}
+
 #[test]
 fn constants_that_no_shader_declares_are_refused() {
     refused(&types("specialization = { 99 = 1 }", ""), &["99"]);

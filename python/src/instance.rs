@@ -19,7 +19,10 @@ pub(crate) struct Ray {
 impl Ray {
     /// A ray; t counts lengths of the direction.
     #[new]
-    #[pyo3(signature = (origin, direction, t_min=F32(0.0), t_max=F32(f32::INFINITY)))]
+    #[pyo3(
+        signature = (origin, direction, t_min=F32(0.0), t_max=F32(f32::INFINITY)),
+        text_signature = "(origin, direction, t_min=0.0, t_max=...)"
+    )]
     fn new(origin: [F32; 3], direction: [F32; 3], t_min: F32, t_max: F32) -> Self {
         let ray = anyhit::Ray::new(origin.plain(), direction.plain());
         Self { ray: ray.with_interval(t_min.plain(), t_max.plain()) }
@@ -194,7 +197,10 @@ pub(crate) struct Hit {
 impl Hit {
     /// The hit of an instance by a ray: of what the ray meets first.
     #[new]
-    #[pyo3(signature = (instance, ray, *, ray_flags=0, cull_mask=0xFF, time=F32(0.0)))]
+    #[pyo3(
+        signature = (instance, ray, *, ray_flags=0, cull_mask=0xFF, time=F32(0.0)),
+        text_signature = "(instance, ray, *, ray_flags=0, cull_mask=255, time=0.0)"
+    )]
     fn new(instance: &Instance, ray: &Ray, ray_flags: u32, cull_mask: u32, time: F32) -> Self {
         let hit = anyhit::Hit::of(instance.instance.clone()).ray(ray.ray);
         Self { hit: hit.ray_flags(RayFlags(ray_flags)).cull_mask(cull_mask).time(time.plain()) }

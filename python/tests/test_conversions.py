@@ -67,7 +67,7 @@ def nearest(value: Fraction, width: int) -> Optional[Fraction]:
     if Fraction(2) ** binade > size:
         binade -= 1
     step = Fraction(2) ** (max(binade, 1 - greatest) - significand)
-    rounded = round(size / step) * step
+    rounded: Fraction = round(size / step) * step
     if rounded == 0 or rounded >= Fraction(2) ** (greatest + 1):
         return None
     return rounded if value > 0 else -rounded
@@ -114,7 +114,7 @@ def same(found: Any, wanted: Exact) -> bool:
 def scalars(seed: int, count: int) -> list[Any]:
     """Numbers of every kind, many of them near the ends of ranges and near ties."""
     draw = random.Random(seed)
-    integers = [np.uint8, np.int8, np.uint16, np.int16, np.uint32, np.int32, np.uint64, np.int64]
+    integers: list[Any] = [np.uint8, np.int8, np.uint16, np.int16, np.uint32, np.int32, np.uint64, np.int64]
     out: list[Any] = [True, False, np.bool_(True), math.nan, math.inf, -math.inf, 0, 0.0, 2**200, -(2**70)]
     out += [65519.99, 65520.0, 1e300, 1e-300, 5e-324, 2**24 + 1, 2049, np.float16(1.5), "1", None, [], [1], b"1"]
     out += [np.longdouble(1), np.complex64(1), np.datetime64(7, "ns"), np.array(3), np.array(0.5), {1}, np.str_("1")]
@@ -206,7 +206,8 @@ def test_numbers_of_geometry_take_what_the_rule_allows() -> None:
     for value in scalars(5, 100):
 
         def texel(given: Any) -> Any:
-            return image.image(0, 0, [[[given, 0, 0, 0]]], "rgba32f").read_image(0, 0)[0, 0, 0].item()
+            texels: Any = [[[given, 0, 0, 0]]]
+            return image.image(0, 0, texels, "rgba32f").read_image(0, 0)[0, 0, 0].item()
 
         check(texel, value, "float", 32, False, "texel")
 
@@ -305,6 +306,7 @@ class TestSiblings:
             "[resources.outputs]\ntype = 'storage_buffer'\nbinding = 3\nsize = 64\n"
         )
         path = tmp_path / "scene.toml"
+        wrong: Any
         for wrong, message in [
             (np.ones((4, 3), np.float32), "elements lie 12 bytes apart, and 16 in the shader"),
             (np.ones((3, 2), np.float64), "f64"),
@@ -327,6 +329,8 @@ class TestSiblings:
                 scene.launch()
 
     def test_lists_of_geometry(self) -> None:
+        wrong: Any
+        indices: Any
         for wrong in [[[1e300, 0, 0]], [[True, 0, 0]], [["1", 0, 0]], [[2**24 + 1, 0, 0]], [[0, 0, 0], [0]]]:
             with pytest.raises(anyhit.InvalidArgument):
                 anyhit.Instance.spheres(wrong, 1.0)

@@ -92,6 +92,9 @@ impl ShaderModules for NoShaders {
     }
 }
 
+/// A piece of data, and the typed scalars in it.
+pub type TypedData = (Data, Vec<TypedScalars>);
+
 /// What a [`StructPiece`] is encoded for.
 #[allow(missing_debug_implementations, reason = "it borrows closures")]
 pub struct StructContext<'a> {
@@ -100,7 +103,7 @@ pub struct StructContext<'a> {
     /// The block that the data fills, if it begins one.
     pub block: Option<DataBlock>,
     /// A piece of data inside a value, `{ address_of = "lights" }`.
-    pub piece: &'a dyn Fn(TomlValue<'_>) -> Option<(Data, Vec<TypedScalars>)>,
+    pub piece: &'a dyn Fn(TomlValue<'_>) -> Option<TypedData>,
     /// Where the limits stand, and mistakes go.
     pub report: &'a Diagnostics,
 }

@@ -28,7 +28,8 @@ use crate::ops::pointer::storage;
 use crate::ops::translate::array_length;
 use crate::program::Program;
 use crate::scene::image::format_name;
-use crate::scene::specialization::SpecializationKey;
+use crate::scene::read::{Diagnostics, Document};
+use crate::scene::specialization::{SpecializationKey, SpecializationValue};
 use crate::scene::{Files, LoadOptions, ResolvedScene, load_text};
 
 /// The arguments that a bare module needs and a scene file holds itself.
@@ -266,8 +267,8 @@ impl Arguments {
             }
             specialization.push((format!("{id} = {}", value.trim()), format!("--spec {text}")));
             // Sizes of arrays and workgroups depend on it; the scene checks all other values.
-            if let Ok(number) = value.trim().parse::<u64>() {
-                let _ = module.specialize(id, number);
+            if let Some(value) = specialization_value(value) {
+                let _ = value.specialize(&mut module, &SpecializationKey::Id(id), None);
             }
         }
         let module = std::sync::Arc::new(module);
@@ -460,6 +461,13 @@ fn named(path: &Path) -> String {
 /// A TOML string.
 fn quoted(text: &str) -> String {
     toml::Value::String(text.to_owned()).to_string()
+}
+
+/// The value of a specialization constant as a scene file has it.
+fn specialization_value(text: &str) -> Option<SpecializationValue> {
+    let document = Document::parse(COMMAND_LINE, &format!("value = {}", text.trim())).ok()?;
+    let report = Diagnostics::default();
+    document.root(&report).required("value")
 }
 
 /// Data as in a scene file; the braces of a single piece may be left out.
