@@ -105,6 +105,8 @@ impl Subject {
 
     fn rewrite(&self, plans: &[Vec<Step>]) -> Result<(Loaded, Vec<Step>), String> {
         let mut loaded = self.loaded.clone();
+        // Those that data was compared with are the modules from before.
+        loaded.scene.loaded.clear();
         let mut all = Vec::new();
         for (shader, steps) in loaded.scene.shaders.iter_mut().zip(plans) {
             if let ShaderCode::SpirV(code) = &mut shader.code {

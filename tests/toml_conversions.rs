@@ -6,12 +6,12 @@
 use std::path::Path;
 use std::sync::LazyLock;
 
-use anyhit::internals::harness::expect::{Bytes, Expectations, Observed};
+use anyhit::internals::harness::expect::{Expectations, Observed, ObservedMemory};
 use anyhit::internals::module::constant::ConstantValue;
 use anyhit::internals::scene::file::RayEntry;
 use anyhit::internals::scene::read::Document;
 use anyhit::internals::scene::{EmbeddedFiles, LoadOptions, ResolvedScene, assemble, load};
-use anyhit::{Error, ErrorKind};
+use anyhit::{Buffer, Error, ErrorKind};
 use dashu_ratio::RBig;
 use proptest::prelude::*;
 
@@ -159,10 +159,9 @@ proptest! {
             Err(error) => prop_assert!(value.is_none(), "{name} = {text}: {}", error.render()),
             Ok(expected) => {
                 let size = width(target) as usize / 8;
-                let bytes = Bytes {
-                    name: "x".into(), binding: None, row: None, bytes: found.to_le_bytes()[..size].to_vec(), image: None,
-                };
-                let observed = Observed { buffers: vec![bytes], ..Observed::default() };
+                let buffer = Buffer::new(&found.to_le_bytes()[..size]);
+                let memory = ObservedMemory::of_buffer("x".into(), None, buffer);
+                let observed = Observed { buffers: vec![memory], ..Observed::default() };
                 let holds = expected.check(&observed).is_ok();
                 let is_same = value.as_ref().is_some_and(|value| Exact::of_bits(found, target) == *value);
                 // What rounds to 0 may be near to something, and is equal to nothing.
@@ -481,9 +480,8 @@ fn tolerances_of_integers_are_exact() {
             .unwrap();
     let expected = Expectations::read(&document).unwrap();
     for (found, holds) in [(1u64 << 53, true), ((1 << 53) + 1, false)] {
-        let bytes = found.to_le_bytes().to_vec();
-        let bytes = Bytes { name: "x".into(), binding: None, row: None, bytes, image: None };
-        let observed = Observed { buffers: vec![bytes], ..Observed::default() };
+        let memory = ObservedMemory::of_buffer("x".into(), None, Buffer::new(&found.to_le_bytes()));
+        let observed = Observed { buffers: vec![memory], ..Observed::default() };
         assert_eq!(expected.check(&observed).is_ok(), holds, "{found}");
     }
 }
