@@ -334,14 +334,17 @@ fn numbers_out_of_range_are_refused() {
     refused(&member("f = 1e40"), &["`1e40` is out of the range of float"]);
     refused(&member("h = 65520.0"), &["is out of the range of float16_t"]);
     refused(&member("d = 1e-400"), &["`1e-400` is too small for double: it rounds to 0"]);
-    refused(&member("h = 2049"), &["`2049` is no float16_t: the nearest is 2048"]);
-    refused(&member("f = 0x10"), &["numbers are decimal", "help: write the number in decimal"]);
+    refused(
+        &member("h = 2049"),
+        &["`2049` is not exactly representable as float16_t: the nearest value is 2048"],
+    );
+    refused(&member("f = 0x10"), &["must be written in decimal", "help: write the number in decimal"]);
 }
 
 #[test]
 fn kinds_do_not_mix() {
-    refused(&member("u = 1.0"), &["`u` is uint: a whole number is needed, a float is given"]);
-    refused(&member("f = true"), &["`f` is float: a number is needed, a Boolean is given"]);
+    refused(&member("u = 1.0"), &["`u` is uint: expected an integer, found a float"]);
+    refused(&member("f = true"), &["`f` is float: expected a number, found a Boolean"]);
     // Compilers store bools as integers of 32 bits, and of no other size.
     refused(&member("u8 = true"), &["`u8` is uint8_t"]);
     refused(&types("specialization = { 5 = 1 }", ""), &["1 is neither true nor false: write `true`"]);
@@ -351,14 +354,11 @@ fn kinds_do_not_mix() {
 
 #[test]
 fn shapes_are_compared() {
-    refused(&member("v3 = [1, 2]"), &["`v3` is vec3: 3 elements are needed, 2 are given"]);
-    refused(
-        &member("cm = [[1, 2], [3, 4], [5, 6]]"),
-        &["`cm` is mat2x3: 2 elements are needed, 3 are given"],
-    );
+    refused(&member("v3 = [1, 2]"), &["`v3` is vec3: expected 3 elements, found 2"]);
+    refused(&member("cm = [[1, 2], [3, 4], [5, 6]]"), &["`cm` is mat2x3: expected 2 elements, found 3"]);
     refused(&member("arr = [[0, 0], [0, 0], [0, 0]]"), &["`arr[0]`"]);
-    refused(&member("u = [1]"), &["`u` is uint: a whole number is needed, an array is given"]);
-    refused(&member("f = { f32 = [1, 2] }"), &["`f` is float of 4 bytes, and the piece has 8"]);
+    refused(&member("u = [1]"), &["`u` is uint: expected an integer, found an array"]);
+    refused(&member("f = { f32 = [1, 2] }"), &["`f` is float of 4 bytes, but the piece has 8"]);
     refused(&member("f = { u32 = 1 }"), &["`f` is float: found the u32 1", "help: write `f32 = ...`"]);
     refused(&member("v3 = { u32 = [1, 2, 3] }"), &["`v3` is vec3: found the u32 1"]);
 }
@@ -370,7 +370,7 @@ fn strides_are_compared() {
         types("", &format!("[resources.v]\ntype = 'storage_buffer'\nbinding = 1\ndata = {{ {data} }}"))
     };
     refused(&vectors("f32 = [[1, 2, 3], [4, 5, 6]]"), &["the f32 4.0 at byte 12 is in padding", "help: "]);
-    refused(&vectors("f64 = [[1, 2], [3, 4]]"), &["given the f64 1.0"]);
+    refused(&vectors("f64 = [[1, 2], [3, 4]]"), &["found the f64 1.0"]);
     refused(&vectors("u32 = [1, 2, 3]"), &["is float: found the u32 1", "help: write `f32 = ...`, or bytes"]);
     for data in ["f32 = [[1, 2, 3, 0], [4, 5, 6, 0]]", "value = [[1, 2, 3], [4, 5, 6]]"] {
         let bytes = buffer(&resolve(&vectors(data)).unwrap(), 1);
@@ -392,10 +392,7 @@ fn push_constants_are_those_of_the_shader() {
         &types("", "push_constants = { value = { cuont = 1 } }"),
         &["no member `cuont`", "did you mean `count`?"],
     );
-    refused(
-        &types("", "push_constants = { value = { count = 1 } }"),
-        &["no value is given to `scale`, `off`"],
-    );
+    refused(&types("", "push_constants = { value = { count = 1 } }"), &["missing value for `scale`, `off`"]);
 }
 
 /// `payload.rchit` takes a `vec3`, a `uint`, a bool and more, each in words of its own.
@@ -439,9 +436,9 @@ fn records_are_those_of_the_shader() {
         let hit = scene.pipeline.sbt.hit[0].data.bytes().expect("bytes").to_vec();
         assert_eq!(hit[..4], 7u32.to_le_bytes(), "{record}");
     }
-    refused(&scene("{ value = { id = -1, k = 0.5 } }"), &["uint goes from 0 to 4294967295", "s.toml:5:"]);
+    refused(&scene("{ value = { id = -1, k = 0.5 } }"), &["uint ranges from 0 to 4294967295", "s.toml:5:"]);
     refused(&scene("{ value = { id = 1, k = 1e40 } }"), &["`1e40` is out of the range of float"]);
-    refused(&scene("{ f32 = [7, 0.5] }"), &["`id` is uint, given the f32 7.0", "help: write `u32 = ...`"]);
+    refused(&scene("{ f32 = [7, 0.5] }"), &["`id` is uint: found the f32 7.0", "help: write `u32 = ...`"]);
     refused(&scene("{ value = { idd = 1, k = 0.5 } }"), &["no member `idd`", "did you mean `id`?"]);
 }
 
@@ -462,7 +459,7 @@ fn expected_integers_are_integers() {
         ("u32 = -1", "u32 ranges from 0 to 4294967295"),
         ("u32 = 4294967296", "u32 ranges from 0 to 4294967295"),
         ("f32 = 1e40", "`1e40` is out of the range of f32"),
-        ("f16 = 2049", "`2049` is no f16: the nearest is 2048"),
+        ("f16 = 2049", "`2049` is not exactly representable as f16: the nearest value is 2048"),
         ("f32 = true", "expected a number, found a Boolean"),
     ] {
         let document =
