@@ -143,14 +143,14 @@ fn a_repeated_share_counts_once_and_other_files_are_refused() {
     assert_eq!(anyhit(&other_flags).code, Some(0));
     let first = files[0].as_str();
     for (second, words) in [
-        (None, vec!["share 2 of 2 is missing", "--partial"]),
-        (Some(conflict.as_str()), vec![&files[1], &conflict, "share 2 of 2", "with different results"]),
+        (None, vec!["shard 2 of 2 is missing", "--partial"]),
+        (Some(conflict.as_str()), vec![&files[1], &conflict, "shard 2 of 2", "with different results"]),
         (Some(&version), vec![&version, "written by anyhit 0.0.1"]),
         (Some(&format), vec![&format, "version 9 of the format"]),
         (Some(&empty), vec![&empty, "contains no results"]),
-        (Some(&beyond), vec![&beyond, "the file contains share 7 of 2"]),
-        (Some(&moved), vec!["is in two shares"]),
-        (Some(&cut), vec!["all shares together have 2 tests, but the suite has 3"]),
+        (Some(&beyond), vec![&beyond, "the file contains shard 7 of 2"]),
+        (Some(&moved), vec!["is in two shards"]),
+        (Some(&cut), vec!["all shards together have 2 tests, but the suite has 3"]),
         (Some(&broken), vec![&broken, "not a result that `--result` wrote"]),
         (Some(&smoke), vec![&smoke, "a result of `anyhit smoke`, not of `anyhit test`"]),
         (Some(&suite), vec![&suite, first, "a different run", "`names`"]),
@@ -173,12 +173,12 @@ fn a_repeated_share_counts_once_and_other_files_are_refused() {
     let partial = merge(&files[..1], &["--partial"]);
     assert_eq!(partial.code, Some(0), "{}", partial.err);
     assert!(
-        partial.err.contains("share 2 of 2 is missing: the report covers only the others"),
+        partial.err.contains("shard 2 of 2 is missing: the report covers only the others"),
         "{}",
         partial.err
     );
     for (flags, words) in [
-        (&["--coverage", "x.lcov"][..], "the shares recorded no coverage"),
+        (&["--coverage", "x.lcov"][..], "the shards recorded no coverage"),
         (&["-o", "x.png"], "`--output` applies to results of `anyhit render`"),
     ] {
         let ran = merge(&files, flags);
@@ -412,7 +412,7 @@ fn a_picture_that_cannot_be_shared_says_why() {
     let shard = ["--shard", "1/2", "--result", &file];
     let ran = anyhit(&[&["render", "shaders/pass/frames/ping-pong/scene.toml"], &shard[..]].concat());
     assert_eq!(ran.code, Some(2), "{}", ran.err);
-    let told = "the picture cannot be divided into shares of rows: the scene runs more than one launch";
+    let told = "the picture cannot be divided into shards of rows: the scene runs more than one launch";
     assert!(ran.err.contains(told), "{}", ran.err);
     let scene = ["render", "scenes/swept-spheres.toml"];
     for (flags, words) in [
@@ -455,8 +455,8 @@ fn results_of_smoke_tests_that_make_no_sense_are_refused() {
         ("place.json", "module number 18446744073709551615 exceeds the 3", &|modules| {
             modules[0]["place"] = u64::MAX.into()
         }),
-        ("twice.json", "is in two shares", &|modules| modules[0]["place"] = 1.into()),
-        ("fewer.json", "all shares together have 1 modules", &|modules| *modules = serde_json::json!([])),
+        ("twice.json", "is in two shards", &|modules| modules[0]["place"] = 1.into()),
+        ("fewer.json", "all shards together have 1 modules", &|modules| *modules = serde_json::json!([])),
     ] {
         let file = changed(name, change);
         for format in ["plain", "json"] {

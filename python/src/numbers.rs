@@ -1,5 +1,5 @@
 //! Python's numbers, lists and dicts as scalars for the members of a shader's value. The crate
-//! alone decides what becomes of a scalar: docs/testing.md, "What a value may be".
+//! alone decides what becomes of a scalar: docs/testing.md, "Value conversions".
 
 use anyhit::internals::module::ty::Type;
 use anyhit::{NestedScalars, ScalarValue, Value};

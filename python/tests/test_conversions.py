@@ -1,6 +1,6 @@
 """Values of Python as a shader's: each is taken exactly, or refused with a reason.
 
-What a value becomes is computed here in fractions, by docs/testing.md, "What a value may be".
+What a value becomes is computed here in fractions, by docs/testing.md, "Value conversions".
 """
 
 from __future__ import annotations

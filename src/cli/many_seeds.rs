@@ -24,7 +24,7 @@ pub(super) struct ManySeedsArgs {
     /// an output depends on it
     #[arg(long, value_name = "N", groups = ["checks", "seeds"], value_parser = numbers::from_one)]
     many_seeds: Option<u64>,
-    /// Use only the seeds A to B - 1, as a share of --many-seeds; with --perturb N: perform only
+    /// Use only the seeds A to B - 1, as a shard of --many-seeds; with --perturb N: perform only
     /// the runs A + 1 to B of the N
     #[arg(long, value_name = "A..B", groups = ["checks", "seeds"], value_parser = numbers::seed_range)]
     seed_range: Option<Range<u64>>,

@@ -31,10 +31,10 @@ use crate::scene::image::{PictureKind, PixelEncoding, write_picture};
 /// files does not matter, and a merged result (--result) can be merged again.
 #[derive(Debug, clap::Args)]
 pub(super) struct MergeArgs {
-    /// Results of the shares of one `test`, `stress`, `check-math`, `smoke` or `render` run
+    /// Results of the shards of one `test`, `stress`, `check-math`, `smoke` or `render` run
     #[arg(value_name = "FILE", required = true)]
     files: Vec<PathBuf>,
-    /// Merge although shares are missing, and report which
+    /// Merge although shards are missing, and report which
     #[arg(long)]
     partial: bool,
     /// Format of the printed report
@@ -145,9 +145,9 @@ impl MergeArgs {
     /// The reports of a suite.
     fn print_suite(&self, results: &ShareResults<SuiteResult>) -> Result<()> {
         if self.coverage.is_some() && !results.whole().coverage {
-            let message = "the shares recorded no coverage";
+            let message = "the shards recorded no coverage";
             return Err(Error::new(ErrorKind::InvalidArgument, message)
-                .note("help: run the shares with `--coverage`, too"));
+                .note("help: run the shards with `--coverage`, too"));
         }
         SuiteResult::check_shares(results)?;
         let result = SuiteResult::of_shares(results);
@@ -164,7 +164,7 @@ impl MergeArgs {
         if unwritten.is_empty() { verdict(&result) } else { Err(Error::several(unwritten)) }
     }
 
-    /// The picture of all shares.
+    /// The picture of all shards.
     fn write_picture(&self, results: &ShareResults<RenderResult>) -> Result<()> {
         if self.output.is_none() && self.result.is_some() {
             return Ok(());
@@ -213,10 +213,10 @@ impl FilesToMerge<'_> {
     }
 }
 
-/// `shares 2, 5 to 8 and 11 of 12 are missing`
+/// `shards 2, 5 to 8 and 11 of 12 are missing`
 fn missing_shares(missing: &[usize], of: usize) -> String {
     if let [one] = missing {
-        return format!("share {one} of {of} is missing");
+        return format!("shard {one} of {of} is missing");
     }
     let runs = missing.chunk_by(|one, next| one + 1 == *next).map(|run| match run {
         [one] => one.to_string(),
@@ -228,7 +228,7 @@ fn missing_shares(missing: &[usize], of: usize) -> String {
         [first @ .., last] if !first.is_empty() => format!("{} and {last}", first.join(", ")),
         runs => runs.concat(),
     };
-    format!("shares {list} of {of} are missing")
+    format!("shards {list} of {of} are missing")
 }
 
 #[cfg(test)]
@@ -238,10 +238,10 @@ mod tests {
     #[test]
     fn missing_shares_are_listed() {
         for (missing, told) in [
-            (&[2][..], "share 2 of 12 is missing"),
-            (&[2, 4], "shares 2 and 4 of 12 are missing"),
-            (&[3, 4], "shares 3 to 4 of 12 are missing"),
-            (&[2, 5, 6, 7, 8, 11], "shares 2, 5 to 8 and 11 of 12 are missing"),
+            (&[2][..], "shard 2 of 12 is missing"),
+            (&[2, 4], "shards 2 and 4 of 12 are missing"),
+            (&[3, 4], "shards 3 to 4 of 12 are missing"),
+            (&[2, 5, 6, 7, 8, 11], "shards 2, 5 to 8 and 11 of 12 are missing"),
         ] {
             assert_eq!(missing_shares(missing, 12), told);
         }

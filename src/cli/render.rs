@@ -250,11 +250,11 @@ fn check_share(args: &RenderArgs) -> Result<()> {
         return Ok(());
     }
     let message = if !args.share.has_result() {
-        "`--shard` requires `--result FILE`: a share writes no picture"
+        "`--shard` requires `--result FILE`: a shard writes no picture"
     } else if args.output.is_some() {
-        "`--result` writes no picture: `anyhit merge FILE... -o PICTURE` writes the picture of all shares"
+        "`--result` writes no picture: `anyhit merge FILE... -o PICTURE` writes the picture of all shards"
     } else if args.stats {
-        "`--stats` requires a whole launch, and `--result` writes a share of one"
+        "`--stats` requires a whole launch, and `--result` writes a shard of one"
     } else {
         return Ok(());
     };
@@ -283,7 +283,7 @@ fn shared_bands<'a>(
         assembled.launch().bands(assembled.size, streamed).map_err(|why| why.to_string())
     };
     bands.map_err(|why| {
-        let message = format!("the picture cannot be divided into shares of rows: {why}");
+        let message = format!("the picture cannot be divided into shards of rows: {why}");
         Error::new(ErrorKind::InvalidArgument, message).at(output.place.clone())
     })
 }

@@ -11,11 +11,11 @@ use crate::harness::shares::{Shard, ShareResult, ShareResults};
 /// A share of the work, and its result.
 #[derive(Args, Clone, Debug, Default)]
 pub(super) struct ShareArgs {
-    /// Process the Kth of N shares of the work; all shares together process each piece once
+    /// Process the Kth of N shares of the work; all shards together process each piece once
     /// (docs/scale.md)
     #[arg(long, value_name = "K/N")]
     shard: Option<Shard>,
-    /// Write the result as JSON, from which `anyhit merge` makes one report of all shares
+    /// Write the result as JSON, from which `anyhit merge` makes one report of all shards
     #[arg(long, value_name = "FILE")]
     result: Option<PathBuf>,
 }

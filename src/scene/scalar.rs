@@ -213,7 +213,7 @@ pub(crate) fn float_bits(value: TomlValue<'_>, format: FloatFormat, name: &str) 
         Toml::Integer(..) => {
             let span = value.span();
             let message = format!("{name} is a float, which must be written in decimal");
-            let help = "help: write the number in decimal, or bits as an integer type: `u32 = 0x3f800000`";
+            let help = "help: write the number in decimal, or its bits as bytes: `hex = \"0000803f\"`";
             value.report().push(span.error_with(message, "this is an integer of another base").note(help));
             return None;
         }

@@ -1,5 +1,5 @@
 //! Typed scalars of a scene compared with what the shaders declare where they are bound:
-//! docs/testing.md, "What a value may be", has the rule.
+//! docs/testing.md, "Value conversions", has the rule.
 
 use std::sync::Arc;
 

@@ -1,4 +1,4 @@
-//! The rule of docs/testing.md, "What a value may be", in rational numbers; it shares nothing with
+//! The rule of docs/testing.md, "Value conversions", in rational numbers; it shares nothing with
 //! the crate.
 
 use dashu_base::BitTest;

@@ -27,7 +27,7 @@ impl PictureShare<'_> {
         let shard = self.share.shard_or_whole();
         let number = |number: usize| {
             u32::try_from(number).map_err(|_| {
-                Error::new(ErrorKind::InvalidArgument, format!("{number} shares are too many for a picture"))
+                Error::new(ErrorKind::InvalidArgument, format!("{number} shards are too many for a picture"))
             })
         };
         let bands = self.bands.every(number(shard.number - 1)?, number(shard.of)?);

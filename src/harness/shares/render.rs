@@ -116,7 +116,7 @@ impl RenderWhole {
 }
 
 impl RenderResult {
-    /// The picture of all shares; the texels of missing ones are zeros.
+    /// The picture of all shards; the texels of missing ones are zeros.
     ///
     /// # Errors
     /// `InvalidImage` where a band is none of the picture, or rows are in none though no share is
@@ -139,7 +139,7 @@ impl RenderResult {
             drawn += u64::from(band.rows);
         }
         if results.missing().is_empty() && drawn != u64::from(height) {
-            let message = format!("all shares together have {drawn} of {height} rows");
+            let message = format!("all shards together have {drawn} of {height} rows");
             return Err(Error::new(ErrorKind::InvalidImage, message));
         }
         Image::new(format, ImageShape::plane(width, height), &bytes)

@@ -124,10 +124,10 @@ impl<R: ShareResult> ShareResults<R> {
             return refuse("the file contains no results".to_owned());
         }
         if read.of > Shard::MOST {
-            return refuse(format!("the run has {} shares, more than the limit of {}", read.of, Shard::MOST));
+            return refuse(format!("the run has {} shards, more than the limit of {}", read.of, Shard::MOST));
         }
         if let Some(wrong) = read.shares.keys().find(|number| !(1..=read.of).contains(number)) {
-            return refuse(format!("the file contains share {wrong} of {}", read.of));
+            return refuse(format!("the file contains shard {wrong} of {}", read.of));
         }
         read.files = read.shares.keys().map(|&number| (number, escape::path(&file).to_string())).collect();
         Ok(read)
@@ -152,13 +152,13 @@ impl<R: ShareResult> ShareResults<R> {
                 Some(_) => {
                     let shown = |file: Option<&String>| file.cloned().unwrap_or_default();
                     let message = format!(
-                        "share {number} of {} is in {} and in {}, with different results",
+                        "shard {number} of {} is in {} and in {}, with different results",
                         self.of,
                         shown(self.files.get(&number)),
                         shown(file.as_ref())
                     );
                     return Err(Error::new(ErrorKind::InvalidArgument, message).note(
-                        "repeated runs of a share differ only in times: one of the runs read other files",
+                        "repeated runs of a shard differ only in times: one of the runs read other files",
                     ));
                 }
             };
@@ -216,7 +216,7 @@ fn earlier<R: ShareResult>(one: R, other: R) -> R {
 /// In what two results are of different runs.
 fn difference<R: ShareResult>(one: &ShareResults<R>, other: &ShareResults<R>) -> Option<String> {
     if one.of != other.of {
-        return Some(format!("it has {} shares, not {}", other.of, one.of));
+        return Some(format!("it has {} shards, not {}", other.of, one.of));
     }
     if one.whole == other.whole {
         return None;
@@ -300,8 +300,8 @@ mod tests {
             ("\"find\"", "\"seek\"", "a result of `anyhit seek`, not of `anyhit find`"),
             ("\"anyhit_result\":1", "\"anyhit_result\":2", "version 2 of the format"),
             (ANYHIT, "0.0.1", "written by anyhit 0.0.1"),
-            ("\"of\":4", "\"of\":99999999999", "the run has 99999999999 shares"),
-            ("\"2\":", "\"5\":", "the file contains share 5 of 4"),
+            ("\"of\":4", "\"of\":99999999999", "the run has 99999999999 shards"),
+            ("\"2\":", "\"5\":", "the file contains shard 5 of 4"),
             ("\"2\":", "\"x\":", "not a result that `--result` wrote"),
             ("{", "", "not a result that `--result` wrote"),
             ("\"seed\"", "\"seeds\"", "missing field `seed`"),
@@ -322,7 +322,7 @@ mod tests {
         assert_eq!((merged.shares[&1].seconds, merged.missing()), (0, vec![2, 3, 4]));
         other.shares.get_mut(&1).unwrap().number = 11;
         let told = read("a", &one).merge(read("b", &other)).unwrap_err().render();
-        assert!(told.contains("share 1 of 4 is in a and in b, with different results"), "{told}");
+        assert!(told.contains("shard 1 of 4 is in a and in b, with different results"), "{told}");
         let mut other = share(2, 0);
         other.whole.seed = 7;
         let told = read("a", &one).merge(read("b", &other)).unwrap_err().render();
@@ -330,6 +330,6 @@ mod tests {
         let mut other = share(2, 0);
         other.of = 3;
         let told = read("a", &one).merge(read("b", &other)).unwrap_err().render();
-        assert!(told.contains("it has 3 shares, not 4"), "{told}");
+        assert!(told.contains("it has 3 shards, not 4"), "{told}");
     }
 }

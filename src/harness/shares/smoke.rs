@@ -145,7 +145,7 @@ impl SmokeResult {
     /// Whether the shares of a run hold each of its modules once.
     ///
     /// # Errors
-    /// `InvalidArgument` where one is in two shares or is none of the run, and where one is in none
+    /// `InvalidArgument` where one is in two shards or is none of the run, and where one is in none
     /// though no share is missing.
     pub fn check_shares(results: &ShareResults<Self>) -> Result<()> {
         let all = results.whole().modules;
@@ -159,12 +159,12 @@ impl SmokeResult {
                 ));
             }
             if !places.insert(module.place) {
-                return refuse(format!("the module `{}` is in two shares", module.file));
+                return refuse(format!("the module `{}` is in two shards", module.file));
             }
         }
         if results.missing().is_empty() && places.len() != all {
             return refuse(format!(
-                "all shares together have {} modules, but the run has {all}",
+                "all shards together have {} modules, but the run has {all}",
                 places.len()
             ));
         }

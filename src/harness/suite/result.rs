@@ -177,13 +177,13 @@ impl SuiteResult {
         let refuse = |message: String| Err(Error::new(ErrorKind::InvalidArgument, message));
         for test in results.shares().flat_map(|share| &share.tests) {
             if !places.insert(test.place) {
-                return refuse(format!("the test `{}` is in two shares", test.name));
+                return refuse(format!("the test `{}` is in two shards", test.name));
             }
         }
         let left_out = results.shares().map(|share| share.left_out).fold(0, usize::saturating_add);
         let (found, all) = (places.len().saturating_add(left_out), results.whole().tests);
         if results.missing().is_empty() && found != all {
-            return refuse(format!("all shares together have {found} tests, but the suite has {all}"));
+            return refuse(format!("all shards together have {found} tests, but the suite has {all}"));
         }
         Ok(())
     }
