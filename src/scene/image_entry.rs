@@ -5,13 +5,13 @@ use std::path::Path;
 
 use crate::error::{ErrorKind, Result};
 use crate::input::InputLimit;
-use crate::machine::format::Format;
+use crate::machine::format::{Class, Component, Format};
 use crate::machine::image::{Dimension, ImageShape};
 use crate::scene::data::DataPieces;
 use crate::scene::data_sources::DataSources;
 use crate::scene::descriptor_kind::DescriptorKind;
 use crate::scene::files::Files;
-use crate::scene::image::{Picture, texel_bytes};
+use crate::scene::image::{Picture, format_name, texel_bytes, texel_numbers};
 use crate::scene::mesh::material::PictureSource;
 use crate::scene::mesh_piece::TextureReference;
 use crate::scene::mip;
@@ -249,6 +249,10 @@ impl ImageEntry {
         };
         shape.check().map_err(|error| self.span.error(error.message()))?;
         let limits = files.limits();
+        if let Some(wrong) = self.fill.and_then(|fill| lost_channel(format, fill)) {
+            let message = format!("`fill`: the format {} has no value {wrong}", format_name(format));
+            return Err(self.span.error(message));
+        }
         let texels = texel_bytes(format, self.fill.unwrap_or_default());
         let image = ImageContent { format, shape, texels, unfilled: self.fill.is_none() };
         let streams = streams && data.is_none() && pictures.is_empty();
@@ -377,6 +381,25 @@ fn fill(table: &Table<'_>) -> Option<[f64; 4]> {
     Some(color)
 }
 
+/// The first channel of a colour that a format can only store as another number: an integer out of
+/// range, a part of one, a number outside of what is normalized, or a float that overflows or
+/// vanishes.
+fn lost_channel(format: Format, fill: [f64; 4]) -> Option<f64> {
+    use Component::{SharedExponent, Snorm8, Snorm16, Unorm8, Unorm10A2, Unorm16};
+    let stored = texel_numbers(format, &texel_bytes(format, fill));
+    let is_kept = |given: f64, stored: f64| match (format.component, format.class()) {
+        (Unorm8 | Unorm16 | Unorm10A2, _) => (0.0..=1.0).contains(&given),
+        (Snorm8 | Snorm16, _) => (-1.0..=1.0).contains(&given),
+        // One exponent for all channels: smaller ones may round to 0. 511/512 times 2^16 is the most.
+        (SharedExponent, _) => (0.0..=65_408.0).contains(&given),
+        (_, Class::Float) if given.is_nan() => stored.is_nan(),
+        (_, Class::Float) => given.is_finite() == stored.is_finite() && (given == 0.0) == (stored == 0.0),
+        _ => given == stored,
+    };
+    let mut channels = fill.into_iter().zip(stored).take(usize::from(format.channels));
+    channels.find(|(given, stored)| !is_kept(*given, *stored)).map(|(given, _)| given)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -405,6 +428,41 @@ mod tests {
             .with(InputLimit::SceneMemory, 1 << 40);
         let error = load(keys, limits).unwrap_err();
         assert!(error.message().starts_with("2 files for 2147483649 layers"), "{error}");
+    }
+
+    #[test]
+    fn a_colour_is_a_value_of_the_format() {
+        let fill = |format: &str, fill: &str| {
+            let keys = format!("type = 'storage_image'\nsize = [1, 1]\nformat = '{format}'\nfill = {fill}");
+            load(&keys, InputLimits::default()).map_err(|error| error.message().to_owned())
+        };
+        for (format, kept) in [
+            ("r8ui", "255"),
+            ("r8i", "-128"),
+            ("rgba8", "[1, 0, 0.5, 0]"),
+            ("rgba8_snorm", "[-1, 1, 0, 0.25]"),
+            ("r16f", "[65504]"),
+            ("r32f", "[nan]"),
+            ("r11f_g11f_b10f", "[1, 0.5, 64]"),
+            ("rgb9_e5", "[65408, 1e-9, 0]"),
+        ] {
+            assert_eq!(fill(format, kept), Ok(()), "{format} {kept}");
+        }
+        for (format, lost, channel) in [
+            ("r8ui", "256", "256"),
+            ("r8ui", "-1", "-1"),
+            ("r32i", "0.5", "0.5"),
+            ("r32ui", "[nan]", "NaN"),
+            ("rgba8", "[0, 2, 0, 0]", "2"),
+            ("rgba8_snorm", "[-1.5]", "-1.5"),
+            ("r16f", "[65520]", "65520"),
+            ("r16f", "[1e-9]", "0.000000001"),
+            ("r11f_g11f_b10f", "[1, -1, 1]", "-1"),
+            ("rgb9_e5", "[65409, 0, 0]", "65409"),
+        ] {
+            let wanted = format!("`fill`: the format {format} has no value {channel}");
+            assert_eq!(fill(format, lost), Err(wanted), "{format} {lost}");
+        }
     }
 
     #[test]
