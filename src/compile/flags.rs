@@ -142,7 +142,7 @@ impl CompilerFlags {
     /// # fn main() -> anyhit::Result<()> {
     /// CompilerFlags::of(Language::Slang, &["-force-glsl-scalar-layout", "-DSPHERES=3"])?;
     /// let refused = CompilerFlags::of(Language::Slang, &["-o", "a.spv"]).unwrap_err();
-    /// assert_eq!(refused.message(), "slangc is not given the flag `-o` here");
+    /// assert_eq!(refused.message(), "the flag `-o` is not passed on to slangc");
     /// # Ok(())
     /// # }
     /// ```

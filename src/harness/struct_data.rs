@@ -54,7 +54,7 @@ use crate::program::struct_lookup::{DataBlock, StructTable, find, find_block, la
 /// let sun = Sun { direction: [0.0; 3], power: 1 };
 /// let error = StructData::of(&module, "Sun")?.write(&sun).unwrap_err();
 /// assert_eq!(error.kind(), ErrorKind::InvalidArgument);
-/// assert!(error.message().contains("the scalars of `Sun` are not those of the shader's"));
+/// assert!(error.message().contains("the scalars of `Sun` differ from those of the shader's"));
 /// # Ok(())
 /// # }
 /// ```
