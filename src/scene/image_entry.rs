@@ -390,7 +390,7 @@ fn lost_channel(format: Format, fill: [f64; 4]) -> Option<f64> {
     let is_kept = |given: f64, stored: f64| match (format.component, format.class()) {
         (Unorm8 | Unorm16 | Unorm10A2, _) => (0.0..=1.0).contains(&given),
         (Snorm8 | Snorm16, _) => (-1.0..=1.0).contains(&given),
-        // One exponent for all channels: smaller ones may round to 0. 511/512 times 2^16 is the most.
+        // Of one exponent for all, small channels may round to 0; 511/512 times 2^16 is the most.
         (SharedExponent, _) => (0.0..=65_408.0).contains(&given),
         (_, Class::Float) if given.is_nan() => stored.is_nan(),
         (_, Class::Float) => given.is_finite() == stored.is_finite() && (given == 0.0) == (stored == 0.0),
