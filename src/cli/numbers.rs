@@ -91,6 +91,7 @@ pub(super) fn seconds(text: &str) -> Result<Duration, String> {
 ///
 /// # Errors
 /// As [`seconds`].
+#[cfg(feature = "stress")]
 pub(super) fn minutes(text: &str) -> Result<Duration, String> {
     duration(text, 60.0).ok_or_else(|| "expected a finite number of minutes above 0".to_owned())
 }

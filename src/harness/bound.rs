@@ -82,6 +82,7 @@ impl Bound {
     }
 
     /// The buffer with a name, which is bound nowhere.
+    #[cfg(feature = "scenes")]
     pub(super) fn named_descriptor(&self, name: &str) -> Result<Descriptor> {
         let found = self.resources.memory.named_buffer(name);
         found

@@ -146,6 +146,7 @@ impl HostBytes {
     }
 
     /// True if they have no type.
+    #[cfg(feature = "scenes")]
     pub(super) fn is_raw(&self) -> bool {
         matches!(self.rust.known, Known::Bytes)
     }

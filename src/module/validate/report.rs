@@ -8,6 +8,7 @@ use crate::module::Module;
 use crate::module::validate::ValidationFinding;
 
 /// Names that a warning lists before it counts the others.
+#[cfg(feature = "scenes")]
 const MOST_NAMES: usize = 12;
 
 impl ValidationFinding {
@@ -50,6 +51,7 @@ impl Module {
 
     /// Returns a warning for each declaration that the module lacks, a line each, which names the
     /// module and all that requires the declaration.
+    #[cfg(feature = "scenes")]
     pub(crate) fn declaration_warnings(&self, name: &str) -> Vec<String> {
         let mut left: Vec<&ValidationFinding> = self.undeclared().iter().collect();
         let mut warnings = Vec::new();
@@ -79,6 +81,7 @@ impl Module {
     ///
     /// # Errors
     /// `InvalidModule` with every name whose capability or extension the module does not declare.
+    #[cfg(feature = "scenes")]
     pub(crate) fn check_declarations(&self) -> Result<()> {
         errors_of(self.undeclared())
     }
