@@ -74,7 +74,7 @@ fn dicts_within<'py>(data: &Bound<'py, PyAny>, depth: usize) -> PyResult<Option<
         return Ok(None);
     }
     let Some(parts) = parts(data)? else { return Ok(None) };
-    // Lists are of one kind: the first element tells.
+    // All elements of a list have the kind of the first.
     let is_dict = match parts.first() {
         Some(first) => first.is_instance_of::<PyDict>() || dicts_within(first, depth + 1)?.is_some(),
         None => false,

@@ -36,7 +36,7 @@ use crate::scene::{self, Assembled, LoadOptions, ResolvedScene, resolved};
 ///
 /// Runs the scene's launch, dispatches or passes and saves the output image. An image of more than
 /// 64 MiB is written in bands of rows while it is rendered, if every invocation writes only to the
-/// row of its own launch index. Otherwise it is held in memory, up to 1 GiB.
+/// row of its own launch index. Any other image is kept in memory, up to 1 GiB.
 #[derive(Debug, clap::Args)]
 pub(super) struct RenderArgs {
     /// Scene file (`scene.toml`), or `-` for standard input [default: the built-in swept-spheres

@@ -26,8 +26,8 @@ use crate::stress::{self, FixedCases, StressReport, StressSettings, Tally};
 ///
 /// --cases fixes the number of cases, so that --shard can divide them among machines.
 ///
-/// With a scene file, random rays are traced through its acceleration structures and through BVHs
-/// that another builder makes of the same primitives, and their hits are compared.
+/// With a scene file, trace random rays through its acceleration structures and through BVHs of
+/// obvhs over the same primitives, and compare the hits.
 #[derive(Debug, clap::Args)]
 pub(super) struct StressArgs {
     /// Scene file, or `-` for standard input

@@ -102,7 +102,7 @@ impl Snapshot {
     }
 }
 
-/// Where the output image is bound.
+/// Binding of the output image.
 fn output(scene: &ResolvedScene) -> Option<Binding> {
     scene.output().map(|output| Binding { set: output.set, binding: output.binding })
 }

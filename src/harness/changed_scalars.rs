@@ -2,7 +2,6 @@
 //! rest.
 
 use crate::harness::layout::Layout;
-use crate::harness::value::bits_of;
 use crate::harness::value::leaves::Leaf;
 use crate::module::ty::Type;
 use crate::ops::translate::array_length;
@@ -10,26 +9,24 @@ use crate::ops::translate::array_length;
 /// A scalar that differs: its path, its offset in bytes, and both values.
 type ScalarVisitor<'v> = dyn FnMut(&str, usize, [Leaf; 2]) + 'v;
 
-/// Visits every scalar whose bytes differ between two states of a value, with a path as
-/// [`Value::scalars`](crate::harness::value::Value) has it: `path.normal[2]`. Parts that either
-/// state does not reach are not visited.
+/// Visits every scalar whose bytes differ between two states of a value, or of a list of values
+/// with a stride. Paths are those of [`Value::scalars`](crate::harness::value::Value):
+/// `path.normal[2]`. Parts that either state does not reach are not visited.
 ///
 /// Members may share their bytes, so that a few types make any number of parts: the walk ends
 /// after some sixty visits of all bytes.
-pub(super) fn changed_scalars(layout: Layout<'_>, states: [&[u8]; 2], visit: &mut ScalarVisitor<'_>) {
-    let budget = states[0].len().saturating_mul(64).saturating_add(1 << 16);
-    Walk { path: String::new(), budget, visit }.part(layout, 0, states);
-}
-
-/// As [`changed_scalars`], for a list of elements.
-pub(super) fn changed_elements(
+pub(super) fn changed_scalars(
     layout: Layout<'_>,
-    stride: usize,
+    stride: Option<usize>,
     states: [&[u8]; 2],
     visit: &mut ScalarVisitor<'_>,
 ) {
     let budget = states[0].len().saturating_mul(64).saturating_add(1 << 16);
-    Walk { path: String::new(), budget, visit }.elements(layout, usize::MAX, stride, 0, states);
+    let mut walk = Walk { path: String::new(), budget, visit };
+    match stride {
+        None => walk.part(layout, 0, states),
+        Some(stride) => walk.elements(layout, usize::MAX, stride, 0, states),
+    }
 }
 
 struct Walk<'v> {
@@ -121,16 +118,7 @@ fn from(states: [&[u8]; 2], offset: usize) -> [&[u8]; 2] {
 
 /// Reads a scalar; `None` for a type that has no value in memory.
 fn leaf(layout: Layout<'_>, bytes: &[u8]) -> Option<Leaf> {
-    let bits = bits_of(bytes);
-    let ty: &Type = layout.module.ty(layout.ty);
-    Some(match ty {
-        Type::Bool => Leaf::Integer((bits != 0).into()),
-        Type::Int { width, signed: false } => Leaf::Integer((bits & u64::MAX >> (64 - width)).into()),
-        Type::Int { width, signed: true } => {
-            Leaf::Integer(((bits << (64 - width)) as i64 >> (64 - width)).into())
-        }
-        Type::Float { .. } => Leaf::Float(ty.float_format()?.value(bits)),
-        Type::Pointer { .. } => Leaf::Integer(bits.into()),
-        _ => return None,
-    })
+    let mut found = None;
+    layout.read(bytes).scalars(&mut String::new(), &mut |_, leaf| found = Some(leaf));
+    found
 }

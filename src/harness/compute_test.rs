@@ -227,7 +227,7 @@ impl ComputeTest {
 
 gives_resources!(ComputeTest);
 
-/// What a compute shader left behind. Serde writes counts and printed lines.
+/// Result of a compute shader. Serde writes counts and printed lines.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[non_exhaustive]
 #[must_use]

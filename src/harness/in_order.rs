@@ -5,6 +5,14 @@ use std::sync::mpsc;
 
 use crate::error::Result;
 
+/// The number of threads for so many jobs: 0 stands for one per processor.
+pub fn job_count(jobs: usize) -> usize {
+    match jobs {
+        0 => std::thread::available_parallelism().map_or(1, usize::from),
+        jobs => jobs,
+    }
+}
+
 /// Does `count` pieces of work on `jobs` threads, 0 for one a processor, and takes each result as
 /// soon as all before it are taken: no result and no order depends on the number of threads. No
 /// piece begins once `stop` holds.
@@ -18,10 +26,7 @@ pub fn in_order<T: Send>(
     work: &(dyn Fn(usize) -> T + Sync),
     take: &mut dyn FnMut(T) -> Result<()>,
 ) -> Result<()> {
-    let jobs = match jobs {
-        0 => std::thread::available_parallelism().map_or(1, usize::from),
-        jobs => jobs,
-    };
+    let jobs = job_count(jobs);
     if jobs == 1 || count <= 1 {
         for at in 0..count {
             take(work(at))?;

@@ -543,7 +543,7 @@ fn own_resources(assembled: &Assembled) -> Resources {
     Resources { printed: Some(Arc::default()), ..assembled.resources.clone() }
 }
 
-/// What the passes of a scene, or one of them, left behind. Serde writes the pass, counts and
+/// Result of all passes of a scene, or of one. Serde writes the pass, counts and
 /// printed lines.
 #[derive(Clone, Debug, Serialize)]
 #[non_exhaustive]

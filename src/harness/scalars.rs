@@ -21,7 +21,7 @@ pub enum NestedScalars {
 /// A Rust value made of scalars: `bool`, integers and floats of every width, and arrays, slices and
 /// `Vec`s of them. Vectors are arrays of their components, matrices are arrays of columns.
 ///
-/// How each becomes a shader's value is a table in docs/testing.md, "Value conversions".
+/// docs/testing.md, "Value conversions", has the table of the values that they become.
 pub trait Scalars {
     /// Its scalars in their nesting.
     fn nested(&self) -> NestedScalars;

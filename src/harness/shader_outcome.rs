@@ -32,7 +32,7 @@ pub struct ReportedHit {
     pub accepted: bool,
 }
 
-/// What one invocation left. Serde writes it without calls and their answers.
+/// Result of one invocation. Serde writes it without calls and their answers.
 #[derive(Clone, Debug, Serialize)]
 #[non_exhaustive]
 #[must_use]

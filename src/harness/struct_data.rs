@@ -1,4 +1,4 @@
-//! HostBytes of a struct as a shader declares it, written by the names of its members.
+//! Bytes of a struct as a shader declares it, written by the names of its members.
 
 use std::fmt::Debug;
 use std::sync::Arc;

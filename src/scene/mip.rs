@@ -57,24 +57,16 @@ fn sums_of_pairs(
     numbers: impl Fn(usize) -> [f64; 4],
 ) -> Vec<[f64; 4]> {
     let [from, to] = [from, to].map(|extent| extent.map(|side| side as usize));
-    let [step_x, step_y, step_z] = array::from_fn(|axis| from[axis] / to[axis]);
-    let mut sums = Vec::with_capacity(layers as usize * to[0] * to[1] * to[2]);
+    let [step_x, step_y, step_z]: [usize; 3] = array::from_fn(|axis| from[axis] / to[axis]);
+    let mut sums = vec![[0.0; 4]; layers as usize * to[0] * to[1] * to[2]];
+    let mut texel = 0;
     for layer in 0..layers as usize {
-        for z in 0..to[2] {
-            for y in 0..to[1] {
-                for x in 0..to[0] {
-                    let mut sum = [0.0; 4];
-                    for k in z * step_z..(z + 1) * step_z {
-                        for j in y * step_y..(y + 1) * step_y {
-                            let row = ((layer * from[2] + k) * from[1] + j) * from[0];
-                            for i in x * step_x..(x + 1) * step_x {
-                                let more = numbers(row + i);
-                                sum = array::from_fn(|part| sum[part] + more[part]);
-                            }
-                        }
-                    }
-                    sums.push(sum);
-                }
+        for (z, y) in (0..from[2]).flat_map(|z| (0..from[1]).map(move |y| (z, y))) {
+            let row = ((layer * to[2] + z / step_z) * to[1] + y / step_y) * to[0];
+            for x in 0..from[0] {
+                let (sum, more): (&mut [f64; 4], _) = (&mut sums[row + x / step_x], numbers(texel));
+                *sum = array::from_fn(|part| sum[part] + more[part]);
+                texel += 1;
             }
         }
     }

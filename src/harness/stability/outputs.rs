@@ -2,7 +2,7 @@
 
 use std::collections::HashSet;
 
-use crate::harness::changed_scalars::{changed_elements, changed_scalars};
+use crate::harness::changed_scalars::changed_scalars;
 use crate::harness::expect::{Observed, ObservedMemory, RayFound};
 use crate::harness::stability::instability::UnstableOutput;
 use crate::harness::typed_scene::{declared, unbound_elements};
@@ -98,10 +98,9 @@ impl<'a> OutputComparison<'a> {
                 (pointees.map(|pointees| pointees.layout), pointees.and_then(|pointees| pointees.stride()))
             }
         };
-        match (layout, stride) {
-            (Some(layout), None) => changed_scalars(layout, states, compare),
-            (Some(layout), Some(stride)) => changed_elements(layout, stride, states, compare),
-            (None, _) => {
+        match layout {
+            Some(layout) => changed_scalars(layout, stride, states, compare),
+            None => {
                 let bytes = states[0].iter().zip(states[1]).enumerate();
                 for (at, (&one, &other)) in bytes.filter(|(_, (one, other))| one != other) {
                     compare(&format!("byte {at}"), at, [one, other].map(|byte| Leaf::Integer(byte.into())));

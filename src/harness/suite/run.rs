@@ -10,7 +10,7 @@ use crate::escape;
 use crate::harness::bless::bless;
 use crate::harness::coverage::{Coverage, Recorder};
 use crate::harness::expect::Fix;
-use crate::harness::in_order::in_order;
+use crate::harness::in_order::{in_order, job_count};
 use crate::harness::sanitized::check_scene;
 use crate::harness::source_tree::SourceTree;
 use crate::harness::stability::found::ShadowFindings;
@@ -70,10 +70,7 @@ impl Suite {
             Ok(())
         };
         // Threads that have no case of their own run tests of one case.
-        let jobs = match options.jobs {
-            0 => std::thread::available_parallelism().map_or(1, usize::from),
-            jobs => jobs,
-        };
+        let jobs = job_count(options.jobs);
         let each = jobs.div_ceil(groups.len().max(1));
         in_order(groups.len(), jobs, &stop, &|at| self.group(groups[at], each, options), &mut take)?;
         result.left_out = self.tests.len() - result.tests.len();
