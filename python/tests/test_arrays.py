@@ -174,7 +174,7 @@ def test_geometries_and_transforms(pipeline: anyhit.Pipeline) -> None:
     assert traced.geometry.tolist() == [0, 1]
     # The balls have the radius 1 in the world.
     assert traced.t.tolist() == [2, 3]
-    with pytest.raises(anyhit.InvalidScene, match="all geometries of a BLAS are of one type"):
+    with pytest.raises(anyhit.InvalidScene, match="all geometries of a BLAS must have the same type"):
         anyhit.Scene([triangles().and_(balls[0])])
 
 

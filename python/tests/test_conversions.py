@@ -247,11 +247,11 @@ class TestSiblings:
             ({"f": 1e300}, "1e300 is out of the range of float"),
             ({"h": 1e6}, "out of the range of float16_t"),
             ({"f": 2**24 + 1}, "16777217 is not exactly representable as float: the nearest value is 16777216"),
-            ({"cm": [[1, 2], [3, 4], [5, 6]]}, r"which takes \[\[float; 3\]; 2\]"),
+            ({"cm": [[1, 2], [3, 4], [5, 6]]}, r"which requires \[\[float; 3\]; 2\]"),
             ({"v3": [1, 2]}, r"not \[integer; 2\]"),
             ({"v3": [1, 2, 3, 4]}, r"not \[integer; 4\]"),
             ({"v3": "123"}, "expected a number, a list of numbers or a dict, found a <class 'str'>"),
-            ({"v3": {1, 2, 3}}, "a <class 'set'> is given"),
+            ({"v3": {1, 2, 3}}, "found a <class 'set'>"),
             ({"u": np.longdouble(1)}, "has no equivalent in a shader"),
             ({"u": 1.0}, "1.0 is a float, not uint"),
             ({"f": True}, "true is a bool, not float"),
@@ -308,7 +308,7 @@ class TestSiblings:
         path = tmp_path / "scene.toml"
         wrong: Any
         for wrong, message in [
-            (np.ones((4, 3), np.float32), "elements lie 12 bytes apart, and 16 in the shader"),
+            (np.ones((4, 3), np.float32), "elements are 12 bytes apart, but 16 in the shader"),
             (np.ones((3, 2), np.float64), "f64"),
             (np.ones((3, 4), np.uint32), "u32"),
         ]:
