@@ -59,12 +59,20 @@ pub(super) struct SceneFileArgs {
     limits: InputLimitArgs,
     #[command(flatten)]
     strict: StrictArgs,
+    /// Read every file that the scene names, including those that nothing reads
+    #[arg(long)]
+    read_all: bool,
 }
 
 impl SceneFileArgs {
     /// Whether a module that lacks a declaration is rejected.
     pub(super) fn strict(&self) -> bool {
         self.strict.is_set()
+    }
+
+    /// Whether every file that a scene names is read with it.
+    pub(super) fn read_all(&self) -> bool {
+        self.read_all
     }
 
     /// The limits.
@@ -79,7 +87,12 @@ impl SceneFileArgs {
 
     /// How files are read that a scene names.
     pub(super) fn files(&self) -> Result<SceneFiles> {
-        Ok(SceneFiles { limits: self.limits(), root: self.root()?, strict: self.strict.is_set() })
+        Ok(SceneFiles {
+            limits: self.limits(),
+            root: self.root()?,
+            strict: self.strict.is_set(),
+            read_all: self.read_all,
+        })
     }
 
     /// Reads a scene from a file, a pipe, or for `-` from standard input. What a pipe's scene names

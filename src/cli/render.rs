@@ -131,7 +131,7 @@ pub(super) fn run(args: RenderArgs) -> Result<()> {
     let mut assembled = scene::assemble_without(&resolved, output)?;
     output::notes(&assembled.notes);
     let streamed = StreamedImage {
-        texel: image.texels.clone(),
+        texel: image.texels.bytes()?.into_owned(),
         ..StreamedImage::new(output.set, output.binding, image.format)
     };
     let printed = Arc::default();
@@ -417,7 +417,7 @@ fn why_not_in_bands(
         "--shadow and --perturb run the launch several times"
     } else if image.shape != ImageShape::plane(width, height) {
         "it is not a 2D image of the launch's size with one level and one sample"
-    } else if !image.is_filled() {
+    } else if !image.texels.are_equal(image.format) {
         "the scene sets its texels individually"
     } else if scene.bindings_of_image(output).count() > 1 {
         "it has several bindings"

@@ -115,12 +115,12 @@ pub(super) fn run(args: TestArgs) -> Result<()> {
     output::claim_stdout_for([args.junit.as_deref(), args.coverage.as_deref()]);
     check_formats(args.format, args.sanitize.format())?;
     let root = args.files.root()?;
-    let (limits, strict) = (args.files.limits(), args.files.strict());
+    let (limits, strict, read_all) = (args.files.limits(), args.files.strict(), args.files.read_all());
     let shard = args.shard()?;
     let timings = args.timings.as_deref().map(|path| read_timings(path, &limits)).transpose()?;
     let mut suite = Suite::find_within(&args.paths, &|file, tree| {
         let root = root.clone().map_or_else(|| RootFolder::of_test(file, tree), Ok)?;
-        Ok(SceneFiles { limits, root: Some(root), strict })
+        Ok(SceneFiles { limits, root: Some(root), strict, read_all })
     })?;
     let found = suite.tests().len();
     suite.filter(&args.filter);

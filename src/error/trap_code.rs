@@ -23,6 +23,9 @@ macro_rules! trap_codes {
             /// A shader that this one called trapped. No report has this code: it has that of the
             /// shader that was called.
             Callee,
+            /// The file of an image cannot be read. No report has this code: the error is that of
+            /// the file.
+            ImageUnreadable,
         }
 
         impl TrapCode {
@@ -35,6 +38,7 @@ macro_rules! trap_codes {
                 match self {
                     $(Self::$code => $name,)+
                     Self::Callee => "callee",
+                    Self::ImageUnreadable => "image_unreadable",
                 }
             }
 
@@ -43,6 +47,7 @@ macro_rules! trap_codes {
                 match self {
                     $(Self::$code => concat!($message $(, " (", $vuid, ")")?),)+
                     Self::Callee => "a called shader trapped",
+                    Self::ImageUnreadable => "the file of an image cannot be read",
                 }
             }
 

@@ -168,8 +168,10 @@ pub(super) fn bytes_at(resources: &Resources, address: u64) -> Result<Vec<u8>> {
 }
 
 pub(super) fn texels(resources: &Resources, set: u32, binding: u32) -> Result<Texels> {
-    let image = resources.image(set, binding).cloned().map(Texels::new);
-    image.ok_or_else(|| invalid(format!("no image is bound at set {set}, binding {binding}")))
+    let image = resources.image(set, binding).cloned();
+    let image = image.ok_or_else(|| invalid(format!("no image is bound at set {set}, binding {binding}")))?;
+    image.read()?;
+    Ok(Texels::new(image))
 }
 
 /// Bytes as a row of a plain Rust type.

@@ -52,19 +52,54 @@ pub fn read_regular(
     limit: InputLimit,
     limits: &InputLimits,
 ) -> Result<Vec<u8>> {
-    let io = |error| Error::io(path, error);
+    let (mut file, size) = open_regular(path, root, limit, limits)?;
+    read(&mut file, path, size, limit, limits)
+}
+
+/// The first bytes of a regular file, at most so many, and how many the file has.
+///
+/// # Errors
+/// As [`read_regular`].
+pub fn read_head(
+    path: &Path,
+    root: Option<&RootFolder>,
+    limit: InputLimit,
+    limits: &InputLimits,
+    most: u64,
+) -> Result<(Vec<u8>, u64)> {
+    let (file, size) = open_regular(path, root, limit, limits)?;
+    let mut head = Vec::new();
+    file.take(most).read_to_end(&mut head).map_err(|error| Error::io(path, error))?;
+    Ok((head, size))
+}
+
+/// Checks that another file names a regular file, and returns where it is. It is not opened.
+///
+/// # Errors
+/// As [`read_regular`], but for what only reading finds.
+pub fn check_regular(path: &Path, root: Option<&RootFolder>) -> Result<PathBuf> {
     let found = match root {
         None => path.to_path_buf(),
         Some(root) => root.resolve(path)?,
     };
-    regular(path, &std::fs::metadata(&found).map_err(io)?)?;
-    let mut file = File::open(&found).map_err(io)?;
+    regular(path, &std::fs::metadata(&found).map_err(|error| Error::io(path, error))?)?;
+    Ok(found)
+}
+
+fn open_regular(
+    path: &Path,
+    root: Option<&RootFolder>,
+    limit: InputLimit,
+    limits: &InputLimits,
+) -> Result<(File, u64)> {
+    let io = |error| Error::io(path, error);
+    let file = File::open(check_regular(path, root)?).map_err(io)?;
     // Once more: another file may stand there by now.
     let metadata = file.metadata().map_err(io)?;
     regular(path, &metadata)?;
     let size = known_size(&metadata);
     limits.check(limit, size, ErrorKind::InvalidScene).map_err(|error| error.context(escape::path(&path)))?;
-    read(&mut file, path, size, limit, limits)
+    Ok((file, size))
 }
 
 /// Refuses everything but a regular file.

@@ -11,5 +11,7 @@ pub mod file;
 pub mod limits;
 
 pub use contained::contained;
-pub use file::{RootFolder, STANDARD_INPUT, is_stream, read_argument, read_regular};
+pub use file::{
+    RootFolder, STANDARD_INPUT, check_regular, is_stream, read_argument, read_head, read_regular,
+};
 pub use limits::{InputLimit, InputLimits};

@@ -9,6 +9,7 @@ use smallvec::SmallVec;
 use crate::error::{Error, ErrorKind, Result};
 use crate::machine::format::Format;
 use crate::machine::image_words::{ImageWords, texel};
+use crate::machine::lazy_words::{LazyWords, ReadTexels, words_of};
 use crate::math::array;
 
 #[doc(hidden)]
@@ -182,7 +183,7 @@ pub struct Image {
     levels: SmallVec<[Level; 1]>,
     /// The resident texels: all of them, except in a band.
     resident: Range<usize>,
-    words: ImageWords,
+    words: LazyWords,
     sample_weight: OnceLock<SampleWeight>,
     null: bool,
 }
@@ -236,12 +237,18 @@ impl Image {
             let message = format!("found {} bytes for an image of {size}", bytes.len());
             return Err(Error::new(ErrorKind::InvalidImage, message));
         }
-        let words = bytes.chunks(8).map(|chunk| {
-            let mut word = [0; 8];
-            word[..chunk.len()].copy_from_slice(chunk);
-            u64::from_le_bytes(word)
-        });
-        Self::from_words(format, shape, whole(&shape), || ImageWords::new(words))
+        Self::from_words(format, shape, whole(&shape), || words_of(bytes).map(LazyWords::from))
+    }
+
+    /// An image whose texels are read when something first needs them; see [`Image::failure`].
+    ///
+    /// # Errors
+    /// As [`Image::zeroed`].
+    pub(crate) fn later(format: Format, shape: ImageShape, read: Arc<ReadTexels>) -> Result<Arc<Self>> {
+        format.check()?;
+        shape.check()?;
+        let size = shape.texels().saturating_mul(u64::from(format.texel_size()));
+        Self::from_words(format, shape, whole(&shape), || Some(LazyWords::later(size, read)))
     }
 
     /// An image whose texels are all the same, given its bytes.
@@ -292,14 +299,15 @@ impl Image {
             pattern[first..first + 8].iter().rev().fold(0, |word, &byte| word << 8 | u64::from(byte))
         });
         let size = (resident.end - resident.start).saturating_mul(each);
-        Self::from_words(format, shape, resident, || ImageWords::filled(size.div_ceil(8), pattern))
+        let words = || ImageWords::filled(size.div_ceil(8), pattern).map(LazyWords::from);
+        Self::from_words(format, shape, resident, words)
     }
 
     fn from_words(
         format: Format,
         shape: ImageShape,
         resident: Range<usize>,
-        words: impl FnOnce() -> Option<ImageWords>,
+        words: impl FnOnce() -> Option<LazyWords>,
     ) -> Result<Arc<Self>> {
         let words = words().ok_or_else(|| {
             let message = format!("not enough memory for an image of {} texels", shape.texels());
@@ -313,6 +321,28 @@ impl Image {
         }
         let sample_weight = OnceLock::new();
         Ok(Arc::new(Self { format, shape, levels, resident, words, sample_weight, null: false }))
+    }
+
+    /// Whether its texels are in memory: those of a file are read when something needs them.
+    #[doc(hidden)]
+    pub fn is_read(&self) -> bool {
+        self.words.are_read()
+    }
+
+    /// Why its texels, which are zeros then, cannot be read. They are read first.
+    #[doc(hidden)]
+    #[inline]
+    pub fn failure(&self) -> Option<&Arc<Error>> {
+        self.words.failure()
+    }
+
+    /// Reads the texels where nothing has.
+    ///
+    /// # Errors
+    /// Why the file of the image cannot be read.
+    #[doc(hidden)]
+    pub fn read(&self) -> Result<()> {
+        self.failure().map_or(Ok(()), |failure| Err(Error::clone(failure)))
     }
 
     /// How texels are stored.
@@ -389,7 +419,7 @@ impl Image {
     #[doc(hidden)]
     #[inline]
     pub(crate) fn load(&self, index: usize) -> u128 {
-        texel(self.format, index, |at| self.words.load(at))
+        texel(self.format, index, |at| self.words.get().load(at))
     }
 
     /// Overwrites the texel at an index that [`Image::index`] gave.
@@ -398,10 +428,10 @@ impl Image {
     pub(crate) fn store(&self, index: usize, bits: u128) {
         match self.format.texel_size() {
             16 => {
-                self.words.store(2 * index, bits as u64);
-                self.words.store(2 * index + 1, (bits >> 64) as u64);
+                self.words.get().store(2 * index, bits as u64);
+                self.words.get().store(2 * index + 1, (bits >> 64) as u64);
             }
-            8 => self.words.store(index, bits as u64),
+            8 => self.words.get().store(index, bits as u64),
             _ => {
                 self.update(index, |_| Some(bits as u64));
             }
@@ -422,7 +452,7 @@ impl Image {
             let new = function(word >> shift & mask)?;
             Some(word & !(mask << shift) | (new & mask) << shift)
         };
-        self.words.update(byte / 8, replace) >> shift & mask
+        self.words.get().update(byte / 8, replace) >> shift & mask
     }
 
     /// A copy of the resident bytes of all levels.
@@ -447,26 +477,31 @@ impl Image {
             || self.format == other.format
                 && self.shape == other.shape
                 && self.resident == other.resident
-                && self.words.are_equal(&other.words, self.resident.len() * self.format.texel_size() as usize)
+                && self.has_equal_words(other)
+    }
+
+    fn has_equal_words(&self, other: &Self) -> bool {
+        let size = self.resident.len() * self.format.texel_size() as usize;
+        self.words.have_one_source(&other.words) || self.words.get().are_equal(other.words.get(), size)
     }
 
     /// What its texels are now.
     #[doc(hidden)]
     pub fn state(&self) -> ImageState {
-        self.words.state(self.format)
+        self.words.get().state(self.format)
     }
 
     /// Whether its texels are what they were.
     #[doc(hidden)]
     pub fn is_like(&self, before: &ImageState) -> bool {
-        self.words.unlike(before).next().is_none()
+        self.words.get().unlike(before).next().is_none()
     }
 
     /// Puts back what its texels were.
     #[doc(hidden)]
     pub fn restore(&self, before: &ImageState) {
-        let differing = self.words.unlike(before).flatten();
-        differing.for_each(|at| self.words.store(at, before.word(at)));
+        let differing = self.words.get().unlike(before).flatten();
+        differing.for_each(|at| self.words.get().store(at, before.word(at)));
     }
 
     /// The resident texels that are not what they were, by [`Image::index`], ascending.
@@ -476,7 +511,7 @@ impl Image {
         let texels = move |words: Range<usize>| words.start * 8 / size..words.end * 8 / size;
         let resident = self.resident.len();
         let differs = move |&at: &usize| at < resident && self.load(at) != before.load(at);
-        self.words.unlike(before).flat_map(texels).filter(differs)
+        self.words.get().unlike(before).flat_map(texels).filter(differs)
     }
 
     /// A copy of the resident bytes of a level; none of one that it does not have.
@@ -500,7 +535,7 @@ impl Image {
         let texels = texels.start.max(self.resident.start)..texels.end.min(self.resident.end);
         let texels = texels.start - self.resident.start..texels.end - self.resident.start;
         if each == 1 {
-            return self.words.bytes(texels.start * size..texels.end * size);
+            return self.words.get().bytes(texels.start * size..texels.end * size);
         }
         let mut bytes = Vec::with_capacity(texels.len() / each * size);
         for index in texels.step_by(each) {
@@ -523,6 +558,9 @@ impl fmt::Debug for Image {
             }
         }
         let null = if self.null { ", null" } else { "" };
+        if !self.is_read() {
+            return f.write_str(", not read)");
+        }
         let shown = self.resident.len().min(SHOWN_TEXELS);
         let texels = self.resident.start..self.resident.start + shown;
         let more = if shown < self.resident.len() { ", ..." } else { "" };

@@ -16,6 +16,7 @@ mod image_words;
 pub mod index;
 pub mod invocation;
 pub mod lanes;
+mod lazy_words;
 pub mod object;
 pub mod observe;
 pub mod open_choices;

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use crate::error::Error;
 use crate::machine::device_memory::STRUCTURE_HANDLE;
 use crate::machine::index::OpIndex;
 use crate::machine::resource::{BindingSummary, Bindings};
@@ -9,7 +10,7 @@ use crate::machine::resource::{BindingSummary, Bindings};
 pub use crate::error::TrapCode;
 
 /// The details of an access that trapped, for its report.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug)]
 pub enum AccessFault {
     /// A descriptor that is not bound, or of another kind.
     Descriptor {
@@ -62,6 +63,8 @@ pub enum AccessFault {
         /// What is bound, in words.
         bound: String,
     },
+    /// An image whose texels cannot be read: why.
+    ImageFile(Arc<Error>),
     /// A record of the hit table: what its index is the sum of.
     HitRecord(HitRecordTerms),
 }

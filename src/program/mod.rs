@@ -521,6 +521,7 @@ impl Program {
             }
             AccessFault::Buffer { handle: None, .. }
             | AccessFault::Address { .. }
+            | AccessFault::ImageFile(_)
             | AccessFault::HitRecord(_) => None,
         }
     }

@@ -185,6 +185,7 @@ impl Program {
             }
             AccessFault::Buffer { handle: None, .. }
             | AccessFault::Address { .. }
+            | AccessFault::ImageFile(_)
             | AccessFault::HitRecord(_) => TrapOperands::None,
         }
     }

@@ -94,7 +94,7 @@ fn rule_of(trap: &Trap) -> &'static Rule {
         C::HitObjectEmpty => &stop::HO_EMPTY,
         C::HitObjectNotHit => &stop::HO_NOT_HIT,
         C::NullAnyHit | C::NullClosestHit | C::NullMiss | C::NullIntersection => &stop::SBT_NO_NULL,
-        C::Callee => unreachable!("bug in anyhit: no report has this code"),
+        C::Callee | C::ImageUnreadable => unreachable!("bug in anyhit: no report has this code"),
     }
 }
 

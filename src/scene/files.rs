@@ -1,11 +1,12 @@
 //! Reads the files of a scene from the disk, or from the binary.
 
-use std::cell::Cell;
 use std::path::{Component, Path, PathBuf};
+use std::sync::Arc;
 
 use crate::error::{Error, ErrorKind, Result};
 use crate::escape;
 use crate::input::{InputLimit, InputLimits, RootFolder, read_regular};
+use crate::scene::deferred_file::{DeferredFile, SceneBudget};
 
 /// Reads files by path.
 pub trait Files {
@@ -39,20 +40,40 @@ pub trait Files {
         false
     }
 
-    /// Counts bytes that a scene is about to hold, before they are allocated.
-    ///
-    /// # Errors
-    /// `InvalidScene` where all together are more than the limit `scene-memory`.
-    fn reserve(&self, _bytes: u64) -> Result<()> {
-        Ok(())
+    /// Returns true if every file that a scene names is read with it; else those that nothing reads
+    /// are only checked to be there, and pictures are decoded at the first read of a texel.
+    fn read_all(&self) -> bool {
+        false
     }
 
-    /// Counts primitives that acceleration structures of a scene are about to hold.
+    /// A file that is read later, and of which is only known that it is there.
     ///
     /// # Errors
-    /// `InvalidScene` where all together are more than the limit `scene-primitives`.
-    fn reserve_primitives(&self, _count: u64) -> Result<()> {
-        Ok(())
+    /// As [`Files::read`], but for what only reading finds.
+    fn deferred(&self, path: &Path) -> Result<DeferredFile> {
+        self.read(path).map(|bytes| DeferredFile::held(bytes.into()))
+    }
+
+    /// What a scene of these files may hold.
+    fn budget(&self) -> Arc<SceneBudget> {
+        Arc::default()
+    }
+
+    /// Counts bytes that a scene is about to hold, as [`SceneBudget::reserve`] does.
+    ///
+    /// # Errors
+    /// As there.
+    fn reserve(&self, bytes: u64) -> Result<()> {
+        self.budget().reserve(bytes)
+    }
+
+    /// Counts primitives that acceleration structures of a scene are about to hold, as
+    /// [`SceneBudget::reserve_primitives`] does.
+    ///
+    /// # Errors
+    /// As there.
+    fn reserve_primitives(&self, count: u64) -> Result<()> {
+        self.budget().reserve_primitives(count)
     }
 }
 
@@ -63,6 +84,10 @@ pub struct DiskFiles;
 impl Files for DiskFiles {
     fn read_limited(&self, path: &Path, limit: InputLimit) -> Result<Vec<u8>> {
         read_regular(path, None, limit, &InputLimits::default())
+    }
+
+    fn deferred(&self, path: &Path) -> Result<DeferredFile> {
+        DeferredFile::on_disk(path, None, InputLimits::default())
     }
 }
 
@@ -77,9 +102,22 @@ pub struct SceneFiles {
     /// Whether a module is rejected that uses a capability or an extension without declaring it
     /// (`--strict`); else that is a warning.
     pub strict: bool,
+    /// Whether every file that a scene names is read with it (`--read-all`), so that errors are
+    /// found in those that nothing reads.
+    pub read_all: bool,
 }
 
 impl SceneFiles {
+    /// Files of the disk with the options of others.
+    pub(crate) fn like(files: &dyn Files) -> Self {
+        Self {
+            limits: files.limits(),
+            root: files.root().cloned(),
+            strict: files.strict(),
+            read_all: files.read_all(),
+        }
+    }
+
     /// Whether a file may be written where a path leads: a regular one or a new one, inside the
     /// root where there is one.
     pub fn may_replace(&self, path: &Path) -> bool {
@@ -99,6 +137,10 @@ impl Files for SceneFiles {
         read_regular(path, self.root.as_ref(), limit, &self.limits)
     }
 
+    fn deferred(&self, path: &Path) -> Result<DeferredFile> {
+        DeferredFile::on_disk(path, self.root.as_ref(), self.limits)
+    }
+
     fn limits(&self) -> InputLimits {
         self.limits
     }
@@ -110,25 +152,21 @@ impl Files for SceneFiles {
     fn strict(&self) -> bool {
         self.strict
     }
+
+    fn read_all(&self) -> bool {
+        self.read_all
+    }
 }
 
 /// Files of one scene, whose bytes and primitives are counted.
 pub(crate) struct Counted<'a> {
     files: &'a dyn Files,
-    bytes: Cell<u64>,
-    primitives: Cell<u64>,
+    budget: Arc<SceneBudget>,
 }
 
 impl<'a> Counted<'a> {
     pub(crate) fn new(files: &'a dyn Files) -> Self {
-        Self { files, bytes: Cell::new(0), primitives: Cell::new(0) }
-    }
-
-    fn count(&self, sum: &Cell<u64>, more: u64, limit: InputLimit) -> Result<()> {
-        let all = sum.get().saturating_add(more);
-        self.limits().check(limit, all, ErrorKind::InvalidScene)?;
-        sum.set(all);
-        Ok(())
+        Self { files, budget: Arc::new(SceneBudget::new(files.limits())) }
     }
 }
 
@@ -139,6 +177,10 @@ impl Files for Counted<'_> {
         Ok(bytes)
     }
 
+    fn deferred(&self, path: &Path) -> Result<DeferredFile> {
+        Ok(self.files.deferred(path)?.within(&self.budget))
+    }
+
     fn limits(&self) -> InputLimits {
         self.files.limits()
     }
@@ -147,16 +189,16 @@ impl Files for Counted<'_> {
         self.files.strict()
     }
 
+    fn read_all(&self) -> bool {
+        self.files.read_all()
+    }
+
     fn root(&self) -> Option<&RootFolder> {
         self.files.root()
     }
 
-    fn reserve(&self, bytes: u64) -> Result<()> {
-        self.count(&self.bytes, bytes, InputLimit::SceneMemory)
-    }
-
-    fn reserve_primitives(&self, count: u64) -> Result<()> {
-        self.count(&self.primitives, count, InputLimit::ScenePrimitives)
+    fn budget(&self) -> Arc<SceneBudget> {
+        self.budget.clone()
     }
 }
 
@@ -222,20 +264,5 @@ mod tests {
         let error = DiskFiles.read(Path::new("no/such/file.toml")).unwrap_err();
         assert_eq!(error.kind(), ErrorKind::Io);
         assert!(error.message().starts_with("no/such/file.toml"), "{error:?}");
-    }
-
-    #[test]
-    fn what_a_scene_holds_is_counted_until_the_limit() {
-        let limits =
-            InputLimits::default().with(InputLimit::SceneMemory, 10).with(InputLimit::ScenePrimitives, 3);
-        let files = SceneFiles { limits, ..SceneFiles::default() };
-        let counted = Counted::new(&files);
-        assert!(counted.reserve(6).is_ok() && counted.reserve(4).is_ok());
-        let error = counted.reserve(1).unwrap_err();
-        assert_eq!(error.message(), "11 bytes of one scene exceed the limit `scene-memory` of 10");
-        assert!(counted.reserve(u64::MAX).is_err());
-        assert!(counted.reserve_primitives(3).is_ok());
-        let error = counted.reserve_primitives(1).unwrap_err();
-        assert!(error.message().contains("`scene-primitives` of 3"), "{error}");
     }
 }

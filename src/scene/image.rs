@@ -72,6 +72,15 @@ pub struct Picture {
     pub texels: Vec<u8>,
 }
 
+/// What the header of a picture file says.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PictureHeader {
+    /// The format of the texels as they are decoded.
+    pub format: Format,
+    /// Width and height.
+    pub extent: [u32; 2],
+}
+
 impl Picture {
     /// The first layer, slice and sample of level 0 of an image.
     pub fn of(image: &machine::image::Image) -> Self {

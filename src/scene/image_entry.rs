@@ -1,24 +1,27 @@
 //! Images and texel buffers as a scene writes them: from files, typed data or one colour.
 
+use std::borrow::Cow;
 use std::fmt;
-use std::path::Path;
+use std::path::PathBuf;
+use std::sync::Arc;
 
-use crate::error::{ErrorKind, Result};
+use crate::error::{Error, ErrorKind, Result};
 use crate::input::InputLimit;
 use crate::machine::format::{Class, Component, Format};
 use crate::machine::image::{Dimension, ImageShape};
 use crate::scene::data::DataPieces;
 use crate::scene::data_sources::DataSources;
+use crate::scene::deferred_file::DeferredFile;
 use crate::scene::descriptor_kind::DescriptorKind;
-use crate::scene::files::Files;
-use crate::scene::image::{Picture, format_name, texel_bytes, texel_numbers};
+use crate::scene::image::{format_name, texel_bytes, texel_numbers};
 use crate::scene::mesh::material::PictureSource;
 use crate::scene::mesh_piece::TextureReference;
 use crate::scene::mip;
 use crate::scene::read::{Named, OneOrMore, Parse, Span, Spanned, Table, TomlValue};
-use crate::scene::read_file::read;
+use crate::scene::read_file::file_error;
 use crate::scene::sampler::SamplerReference;
 use crate::scene::tree::Toml;
+use crate::scene::unread_image::{UnreadImage, UnreadPicture};
 
 /// An image's content.
 #[derive(Clone, PartialEq)]
@@ -27,12 +30,50 @@ pub struct ImageContent {
     pub format: Format,
     /// Its shape.
     pub shape: ImageShape,
-    /// All texels, in the order of [`machine::image::Image`](crate::machine::image::Image), or a
-    /// single one that all are equal to.
-    pub texels: Vec<u8>,
+    /// Its texels.
+    pub texels: Texels,
     /// Whether only its size is given, so that a host leaves the texels undefined. Here they are
     /// zeros.
     pub unfilled: bool,
+}
+
+/// The texels of an image.
+#[derive(Clone, Debug)]
+pub enum Texels {
+    /// The bytes of all, in the order of [`Image`](crate::machine::image::Image), or those of a
+    /// single one that all are equal to.
+    Given(Vec<u8>),
+    /// Those of files that are decoded when something reads them.
+    Late(Arc<UnreadImage>),
+}
+
+/// Texels that are not read are equal if they are of one image.
+impl PartialEq for Texels {
+    fn eq(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Self::Given(own), Self::Given(other)) => own == other,
+            (Self::Late(own), Self::Late(other)) => Arc::ptr_eq(own, other),
+            _ => false,
+        }
+    }
+}
+
+impl Texels {
+    /// Whether all are known to be equal, so that only one is given.
+    pub fn are_equal(&self, format: Format) -> bool {
+        matches!(self, Self::Given(bytes) if bytes.len() == format.texel_size() as usize)
+    }
+
+    /// The bytes, decoded where they are not.
+    ///
+    /// # Errors
+    /// As [`UnreadImage::texels`].
+    pub fn bytes(&self) -> Result<Cow<'_, [u8]>> {
+        match self {
+            Self::Given(bytes) => Ok(bytes.into()),
+            Self::Late(unread) => unread.texels().map(Cow::Owned),
+        }
+    }
 }
 
 /// Format and shape; of the texels the number of bytes.
@@ -41,7 +82,7 @@ impl fmt::Debug for ImageContent {
         f.debug_struct("ImageContent")
             .field("format", &self.format.name())
             .field("shape", &self.shape)
-            .field("bytes", &self.texels.len())
+            .field("bytes", &self.size())
             .field("unfilled", &self.unfilled)
             .finish()
     }
@@ -51,11 +92,6 @@ impl ImageContent {
     /// The bytes of all its texels.
     pub fn size(&self) -> u64 {
         self.shape.texels().saturating_mul(u64::from(self.format.texel_size()))
-    }
-
-    /// Whether all texels are equal, so that `texels` has only one.
-    pub fn is_filled(&self) -> bool {
-        self.texels.len() == self.format.texel_size() as usize
     }
 
     /// The error message if it does not fit into memory.
@@ -214,16 +250,20 @@ impl ImageEntry {
         Self { files: Vec::new(), format, extent, fill, levels: Levels::All, ..self.clone() }
     }
 
-    /// Loads, fills or generates its texels; without a size it is as large as the launch. With
-    /// `streams`, an image that is only filled may have more texels than fit into memory.
+    /// Loads, fills or generates its texels; without a size it is as large as the launch.
     ///
     /// # Errors
     /// `Io` or `InvalidImage` about its files; `InvalidScene` where sizes do not fit.
-    pub fn load(&self, sources: &DataSources<'_>, launch: [u32; 3], streams: bool) -> Result<ImageContent> {
+    pub fn load(
+        &self,
+        sources: &DataSources<'_>,
+        launch: [u32; 3],
+        loading: ImageLoading,
+    ) -> Result<ImageContent> {
         let files = sources.files;
         let pictures = self.pictures(sources)?;
         let format = match pictures.first() {
-            Some((picture, _)) => picture.format,
+            Some(picture) => picture.header.format,
             None => self.format.unwrap_or(Format::RGBA32F),
         };
         let data = match &self.data {
@@ -231,8 +271,9 @@ impl ImageEntry {
             None => None,
         };
         let mut extent = self.extent.unwrap_or(launch);
-        if let Some((picture, _)) = pictures.first() {
-            extent = [picture.extent[0], picture.extent[1], 1];
+        if let Some(picture) = pictures.first() {
+            let [width, height] = picture.header.extent;
+            extent = [width, height, 1];
         } else if let (Dimension::Buffer, None, Some(data)) = (self.dimension, self.extent, &data) {
             let texels = data.len() / format.texel_size() as usize;
             extent = [u32::try_from(texels).unwrap_or(u32::MAX), 1, 1];
@@ -254,8 +295,9 @@ impl ImageEntry {
             return Err(self.span.error(message));
         }
         let texels = texel_bytes(format, self.fill.unwrap_or_default());
-        let image = ImageContent { format, shape, texels, unfilled: self.fill.is_none() };
-        let streams = streams && data.is_none() && pictures.is_empty();
+        let image =
+            ImageContent { format, shape, texels: Texels::Given(texels), unfilled: self.fill.is_none() };
+        let streams = loading == ImageLoading::Streamed && data.is_none() && pictures.is_empty();
         let size = image.size();
         // The texels of a buffer are one line, which only its bytes limit.
         let longest = extent.into_iter().max().filter(|_| dimension != Dimension::Buffer);
@@ -265,75 +307,51 @@ impl ImageEntry {
         if !streams {
             let checked = limits.check(InputLimit::ImageBytes, size, ErrorKind::InvalidScene);
             checked.map_err(|error| error.context(image.too_large()).at(self.span.place()))?;
+        }
+        if !pictures.is_empty() {
+            let unread = Arc::new(UnreadImage::new(pictures, shape, format, &self.span)?);
+            let texels = match loading {
+                ImageLoading::Late => Texels::Late(unread),
+                _ => Texels::Given(unread.texels()?),
+            };
+            return Ok(ImageContent { format, shape, texels, unfilled: false });
+        }
+        if !streams {
             files.reserve(size).map_err(|error| error.at(self.span.place()))?;
         }
-        if let Some(texels) = data {
-            return self.with_levels(format, shape, texels);
+        match data {
+            Some(texels) => self.with_levels(format, shape, texels),
+            None => Ok(image),
         }
-        if pictures.is_empty() {
-            return Ok(image);
-        }
-        let given = pictures.len() as u64;
-        let all = u64::from(layers) * u64::from(shape.levels);
-        if given != u64::from(layers) && given != all {
-            let message = format!(
-                "{given} files for {layers} layers: list one file per layer, or one per layer of each \
-                 level, level 0 first"
-            );
-            return Err(self.span.error(message));
-        }
-        let mut texels = Vec::new();
-        for (at, (picture, span)) in (0..).zip(pictures) {
-            let [width, height, _] = shape.level_extent(at / layers);
-            if picture.extent != [width, height] || picture.format != format {
-                return Err(span.error(format!(
-                    "this file must have {width} x {height} texels, in the first file's format"
-                )));
+    }
+
+    fn pictures(&self, sources: &DataSources<'_>) -> Result<Vec<UnreadPicture>> {
+        let (files, limits) = (sources.files, sources.files.limits());
+        let picture = |entry: &PictureEntry| match entry {
+            PictureEntry::File(file) => {
+                let path = file.span.source.sibling(&file.value);
+                let deferred = files.deferred(&path).map_err(|error| file_error(error, &file.span, &path))?;
+                UnreadPicture::new(deferred, path, &file.span, self.format, false, limits)
             }
-            texels.extend(picture.texels);
-        }
-        self.with_levels(format, shape, texels)
-    }
-
-    fn pictures(&self, sources: &DataSources<'_>) -> Result<Vec<(Picture, &Span)>> {
-        let mut pictures = Vec::new();
-        for entry in &self.files {
-            let (picture, span) = match entry {
-                PictureEntry::File(file) => {
-                    let bytes = read(sources.files, &file.value, &file.span)?;
-                    let path = file.span.source.sibling(&file.value);
-                    (self.decode(&path, &bytes, sources.files), &file.span)
-                }
-                PictureEntry::Texture(texture) => (self.texture(texture, sources), &texture.span),
-            };
-            let picture = picture.map_err(|error| error.at_with(span.place(), "named here"))?;
-            // Many names of one file are many pictures.
-            sources.files.reserve(picture.texels.len() as u64).map_err(|error| error.at(span.place()))?;
-            pictures.push((picture, span));
-        }
-        Ok(pictures)
-    }
-
-    fn decode(&self, path: &Path, bytes: &[u8], files: &dyn Files) -> Result<Picture> {
-        Picture::decode_within(path, bytes, self.format, &files.limits())
-    }
-
-    fn texture(&self, reference: &TextureReference, sources: &DataSources<'_>) -> Result<Picture> {
-        let Some(meshes) = &sources.meshes else {
-            return Err(reference.span.error("textures of meshes are not allowed here"));
+            PictureEntry::Texture(reference) => {
+                let Some(meshes) = &sources.meshes else {
+                    return Err(reference.span.error("textures of meshes are not allowed here"));
+                };
+                let named = |error: Error| error.at_with(reference.span.place(), "named here");
+                let (texture, is_color) = reference.find(meshes).map_err(named)?;
+                let (file, path) = match &texture.picture {
+                    PictureSource::File(path) => (files.deferred(path).map_err(named)?, path.clone()),
+                    PictureSource::Bytes(bytes) => {
+                        let held = DeferredFile::held(bytes.clone()).within(&files.budget());
+                        (held, PathBuf::from("a texture of the mesh"))
+                    }
+                };
+                // Numbers that are no colours are not encoded as sRGB.
+                let linear = is_color == Some(false);
+                UnreadPicture::new(file, path, &reference.span, self.format, linear, limits)
+            }
         };
-        let (texture, is_color) = reference.find(meshes)?;
-        let mut picture = match &texture.picture {
-            PictureSource::File(path) => self.decode(path, &sources.files.read(path)?, sources.files),
-            PictureSource::Bytes(bytes) => {
-                self.decode(Path::new("a texture of the mesh"), bytes, sources.files)
-            }
-        }?;
-        // Numbers that are no colours are not encoded as sRGB.
-        if is_color == Some(false) && self.format.is_none() {
-            picture.format = Format { srgb: false, ..picture.format };
-        }
-        Ok(picture)
+        self.files.iter().map(picture).collect()
     }
 
     /// Makes the content from texels of all levels, or of level 0, from which the other levels are
@@ -350,8 +368,19 @@ impl ImageEntry {
                 format!("found {found} bytes of texels, expected {first} (level 0) or {all} (all levels)");
             return Err(self.span.error(message));
         }
-        Ok(ImageContent { format, shape, texels, unfilled: false })
+        Ok(ImageContent { format, shape, texels: Texels::Given(texels), unfilled: false })
     }
+}
+
+/// When the texels of an image are loaded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ImageLoading {
+    /// With the scene.
+    Now,
+    /// With the scene; an image that is only filled may have more texels than fit into memory.
+    Streamed,
+    /// Those of files when something reads them.
+    Late,
 }
 
 /// Reads `size`; `Some(None)` if there is none.
@@ -402,10 +431,12 @@ fn lost_channel(format: Format, fill: [f64; 4]) -> Option<f64> {
 
 #[cfg(test)]
 mod tests {
+    use std::path::Path;
+
     use super::*;
-    use crate::error::Error;
     use crate::input::InputLimits;
     use crate::scene::files::LimitedFiles;
+    use crate::scene::image::Picture;
     use crate::scene::{EmbeddedFiles, LoadOptions, load_text};
 
     fn load(keys: &str, limits: InputLimits) -> Result<(), Error> {

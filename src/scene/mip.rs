@@ -14,16 +14,23 @@ use crate::machine::image::ImageShape;
 use crate::math::array;
 use crate::scene::image::{texel_bytes, texel_numbers};
 
-/// Generates the texels of the levels 1 and up from those of level 0.
+/// Checks that levels of a format can be generated.
 ///
 /// # Errors
 /// A message for integer formats, which have no means.
-pub fn generate(format: Format, shape: &ImageShape, level0: &[u8]) -> Result<Vec<u8>, String> {
-    if format.class() != Class::Float {
-        return Err(
-            "levels of integer formats cannot be generated: provide the texels of every level".to_string()
-        );
+pub fn check(format: Format) -> Result<(), String> {
+    match format.class() {
+        Class::Float => Ok(()),
+        _ => Err("levels of integer formats cannot be generated: provide the texels of every level".into()),
     }
+}
+
+/// Generates the texels of the levels 1 and up from those of level 0.
+///
+/// # Errors
+/// As [`check`].
+pub fn generate(format: Format, shape: &ImageShape, level0: &[u8]) -> Result<Vec<u8>, String> {
+    check(format)?;
     let decoder = TexelDecoder::new(format);
     let halves = shape.extent.iter().all(|side| side.is_power_of_two());
     let exact_texels = if halves { decoder.exact_texels() } else { 0 };

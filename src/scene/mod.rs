@@ -15,6 +15,7 @@ mod build_input;
 pub mod camera;
 pub mod data;
 pub mod data_sources;
+mod deferred_file;
 pub mod demo;
 pub mod descriptor_kind;
 mod descriptors;
@@ -47,6 +48,7 @@ pub mod sanitize_table;
 pub mod specialization;
 pub mod struct_data;
 pub mod tree;
+pub mod unread_image;
 pub mod unwritten;
 mod view_entry;
 

@@ -176,6 +176,7 @@ pub(super) fn descriptor(
     let found = match list.and_then(|list| list.get(element as usize)) {
         Some(Descriptor::Buffer(buffer)) => FoundResource::Buffer(buffer.clone()),
         Some(Descriptor::Image(image) | Descriptor::ImageSampler(image, _)) => {
+            image.read()?;
             FoundResource::Image(image.clone())
         }
         _ => {

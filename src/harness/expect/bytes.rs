@@ -74,6 +74,10 @@ impl BytesExpectation {
             differences.push(Difference::unknown(&self.name, what, known));
             return;
         };
+        if let Some(Err(unreadable)) = found.image().map(|(image, _)| image.read()) {
+            differences.push(Difference::of(unreadable));
+            return;
+        }
         let start = match self.first_texel(found) {
             Ok(texel) => self.offset + texel,
             Err(mistake) => {

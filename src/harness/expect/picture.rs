@@ -81,6 +81,10 @@ impl PictureExpectation {
             return;
         };
         let path = self.file.span.source.sibling(&self.file.value);
+        if let Err(unreadable) = image.read() {
+            differences.push(Difference::of(unreadable));
+            return;
+        }
         let found = Picture::of(image);
         match self.compare(&path, &found, encoding, bytes) {
             Ok(None) => {}

@@ -190,7 +190,7 @@ fn record_sampled_fault<const W: usize>(
 ) {
     let reader = LaneReader::new(&batch.registers, lane, bindings);
     let missing = sampled.clone().find_map(|(view, image, sampler)| {
-        if reader.image(view, image).is_err() {
+        if reader.texels(view, image).is_err() {
             return Some(view.fault(bindings, reader.word(image)));
         }
         reader.sampler(sampler).is_err().then(|| AccessFault::sampler(reader.word(sampler), bindings))

@@ -124,7 +124,7 @@ impl ProcessOp {
     /// The value for a lane.
     pub fn eval<const W: usize>(&self, reader: LaneReader<'_, '_, W>) -> Result<[u64; 4], TrapCode> {
         let find = |sampled: SampledImageRef| -> Result<(&Image, &Sampler), TrapCode> {
-            Ok((reader.image(sampled.view, sampled.image)?, reader.sampler(sampled.sampler)?))
+            Ok((reader.texels(sampled.view, sampled.image)?, reader.sampler(sampled.sampler)?))
         };
         let (image, sampler) = find(self.target)?;
         let floats = |words: &Words| array::map([0, 1], |at: usize| reader.float(words[at]));

@@ -47,6 +47,11 @@ impl<'r, 'b, const W: usize> LaneReader<'r, 'b, W> {
         view.image(self.bindings, self.word(handle))
     }
 
+    /// The image whose handle is in a register, with its texels; see [`View::texels`].
+    pub fn texels(&self, view: View, handle: Reg) -> Result<&'b Image, TrapCode> {
+        view.texels(self.bindings, self.word(handle))
+    }
+
     /// The sampler whose handle is in a register.
     ///
     /// # Errors

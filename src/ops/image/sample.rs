@@ -74,7 +74,10 @@ impl SampleOp {
 
     /// The value for a lane.
     pub fn eval<const W: usize>(&self, reader: LaneReader<'_, '_, W>) -> Result<[u64; 4], TrapCode> {
-        let image = reader.image(self.view, self.image)?;
+        let image = match self.kind {
+            SampleKind::QueryLod => reader.image(self.view, self.image)?,
+            _ => reader.texels(self.view, self.image)?,
+        };
         let sampler = reader.sampler(self.sampler)?;
         let plain = matches!(self.view.dimension, Dimension::D1 | Dimension::D2);
         if self.reference.is_some() && sampler.compare_op.is_none()

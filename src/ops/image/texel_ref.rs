@@ -36,12 +36,12 @@ impl TexelRef {
     /// The image of a lane, and the texel's index in it.
     ///
     /// # Errors
-    /// As [`View::image`], and `ImageOutOfBounds`: every texel of a null image is outside.
+    /// As [`View::texels`], and `ImageOutOfBounds`: every texel of a null image is outside.
     pub fn resolve<'b, const W: usize>(
         &self,
         reader: LaneReader<'_, 'b, W>,
     ) -> Result<(&'b Image, usize), TrapCode> {
-        let image = reader.image(self.view, self.image)?;
+        let image = reader.texels(self.view, self.image)?;
         if image.is_null() {
             return Err(TrapCode::ImageOutOfBounds);
         }
@@ -86,7 +86,7 @@ impl TexelRef {
     pub fn fault<const W: usize>(&self, reader: LaneReader<'_, '_, W>) -> AccessFault {
         let handle = reader.word(self.image);
         let axes = self.view.dimension.axes();
-        match self.view.image(reader.bindings, handle) {
+        match self.view.texels(reader.bindings, handle) {
             Err(_) => self.view.fault(reader.bindings, handle),
             Ok(image) => {
                 let shape = image.shape();

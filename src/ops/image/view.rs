@@ -66,6 +66,15 @@ impl View {
         }
     }
 
+    /// The image with a handle, for an operation that reads or writes its texels.
+    ///
+    /// # Errors
+    /// As [`View::image`], and `ImageUnreadable`.
+    pub fn texels(self, bindings: &Bindings, handle: u32) -> Result<&Image, TrapCode> {
+        let image = self.image(bindings, handle)?;
+        if image.failure().is_some() { Err(TrapCode::ImageUnreadable) } else { Ok(image) }
+    }
+
     /// What is told of the image with a handle where an operation cannot use it.
     #[cold]
     pub fn fault(self, bindings: &Bindings, handle: u32) -> AccessFault {
@@ -82,7 +91,10 @@ impl View {
                 let bound = describe(shape.dimension, shape.samples > 1, format.class(), format.is_wide());
                 AccessFault::ImageKind { handle, declared, bound }
             }
-            None => AccessFault::descriptor(handle, bindings),
+            None => match image.and_then(Image::failure) {
+                Some(failure) => AccessFault::ImageFile(failure.clone()),
+                None => AccessFault::descriptor(handle, bindings),
+            },
         }
     }
 

@@ -7,16 +7,19 @@
 
 use std::path::Path;
 
+#[cfg(feature = "exr")]
+use crate::error::Error;
 use crate::error::{ErrorKind, Place, Result};
 use crate::input::{InputLimit, InputLimits, contained};
 use crate::machine::format::{Class, Component, Format};
+use crate::scene::deferred_file::DeferredFile;
 use crate::scene::image::decoded::{Decoded, Header, Numbers};
 #[cfg(not(feature = "images"))]
 use crate::scene::image::missing_images;
 #[cfg(feature = "images")]
 use crate::scene::image::png_jpeg;
 use crate::scene::image::radiance::Radiance;
-use crate::scene::image::{Picture, exr_support, invalid, texel_bytes, texel_numbers};
+use crate::scene::image::{Picture, PictureHeader, exr_support, invalid, texel_bytes, texel_numbers};
 
 /// The fewest bytes of a row of a Radiance file: its first texel.
 const HDR_ROW: u64 = 4;
@@ -51,6 +54,50 @@ impl Picture {
     }
 }
 
+impl PictureHeader {
+    /// Reads the header of a picture file, and compares what decoding takes with the limits.
+    ///
+    /// # Errors
+    /// As [`Picture::decode`]; what is wrong with the texels is found when they are decoded.
+    pub fn read(
+        path: &Path,
+        file: &DeferredFile,
+        wanted: Option<Format>,
+        limits: &InputLimits,
+    ) -> Result<Self> {
+        let (head, size) = file.head()?;
+        let read = |bytes: &[u8]| {
+            contained("image", ErrorKind::InvalidImage, || header(bytes, size, wanted, limits))
+        };
+        let found = match read(&head) {
+            // Metadata may fill more than what was read.
+            Err(_) if (head.len() as u64) < size => read(&file.bytes()?),
+            found => found,
+        };
+        found.map_err(|error| error.at(Place::File(path.to_path_buf())))
+    }
+}
+
+fn header(bytes: &[u8], size: u64, wanted: Option<Format>, limits: &InputLimits) -> Result<PictureHeader> {
+    limits.check(InputLimit::ImageBytes, size, ErrorKind::InvalidImage)?;
+    let header = match bytes {
+        #[cfg(not(feature = "images"))]
+        [0x89, b'P', b'N', b'G', ..] | [0xff, 0xd8, 0xff, ..] => return Err(missing_images()),
+        #[cfg(feature = "images")]
+        [0x89, b'P', b'N', b'G', 0x0d, 0x0a, 0x1a, 0x0a, ..] => png_jpeg::png_header(bytes, size, limits)?,
+        #[cfg(feature = "images")]
+        [0xff, 0xd8, 0xff, ..] => png_jpeg::jpeg_header(bytes, size)?,
+        [0x76, 0x2f, 0x31, 0x01, ..] => {
+            exr_support()?;
+            exr_header(bytes, limits)?
+        }
+        _ if Radiance::is(bytes) => radiance_header(&Radiance::new(bytes)?, size),
+        _ => return Err(invalid("unknown image format: expected PNG, JPEG, HDR or EXR")),
+    };
+    header.check(size, wanted, limits)?;
+    Ok(PictureHeader { format: wanted.unwrap_or(header.stored()), extent: header.extent })
+}
+
 fn decode(bytes: &[u8], wanted: Option<Format>, limits: &InputLimits) -> Result<Picture> {
     limits.check(InputLimit::ImageBytes, bytes.len() as u64, ErrorKind::InvalidImage)?;
     let decoded = match bytes {
@@ -70,40 +117,63 @@ fn decode(bytes: &[u8], wanted: Option<Format>, limits: &InputLimits) -> Result<
     Ok(texels_of(decoded, wanted))
 }
 
+fn radiance_header(file: &Radiance<'_>, size: u64) -> Header {
+    let plausible = (size / HDR_ROW).saturating_mul(file.extent[0].into());
+    Header { extent: file.extent, channels: 3, width: 4, plausible, copies: 1 }
+}
+
 fn radiance(bytes: &[u8], wanted: Option<Format>, limits: &InputLimits) -> Result<Decoded> {
     let file = Radiance::new(bytes)?;
-    let rows = bytes.len() as u64 / HDR_ROW;
-    let plausible = rows.saturating_mul(file.extent[0].into());
-    let header = Header { extent: file.extent, channels: 3, width: 4, plausible, copies: 1 };
-    header.check(bytes.len(), wanted, limits)?;
+    let header = radiance_header(&file, bytes.len() as u64);
+    header.check(bytes.len() as u64, wanted, limits)?;
     Ok(Decoded { extent: header.extent, channels: 3, numbers: Numbers::Floats(file.numbers()?) })
 }
 
 #[cfg(feature = "exr")]
 fn exr(bytes: &[u8], wanted: Option<Format>, limits: &InputLimits) -> Result<Decoded> {
-    use std::io::Cursor;
-
-    use image::{DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader, Limits};
-
-    let broken = |error: ImageError| match error {
-        ImageError::Limits(_) => limits.exceeded(InputLimit::ImageBytes, None, ErrorKind::InvalidImage),
-        error => invalid(error.to_string()),
-    };
-    let mut reader = ImageReader::with_format(Cursor::new(bytes), ImageFormat::OpenExr);
-    let mut own = Limits::default();
-    own.max_alloc = Some(limits.get(InputLimit::ImageBytes));
-    reader.limits(own);
-    let decoder = reader.into_decoder().map_err(broken)?;
-    let (width, height) = decoder.dimensions();
-    let header = Header { extent: [width, height], channels: 4, width: 4, plausible: u64::MAX, copies: 1 };
-    header.check(bytes.len(), wanted, limits)?;
-    let image = DynamicImage::from_decoder(decoder).map_err(broken)?;
+    let (decoder, header) = exr_decoder(bytes, limits)?;
+    header.check(bytes.len() as u64, wanted, limits)?;
+    let image = image::DynamicImage::from_decoder(decoder).map_err(|error| broken_exr(error, limits))?;
     let numbers = Numbers::Floats(image.into_rgba32f().into_raw());
     Ok(Decoded { extent: header.extent, channels: header.channels, numbers })
 }
 
+#[cfg(feature = "exr")]
+fn broken_exr(error: image::ImageError, limits: &InputLimits) -> Error {
+    match error {
+        image::ImageError::Limits(_) => {
+            limits.exceeded(InputLimit::ImageBytes, None, ErrorKind::InvalidImage)
+        }
+        error => invalid(error.to_string()),
+    }
+}
+
+#[cfg(feature = "exr")]
+fn exr_decoder<'b>(bytes: &'b [u8], limits: &InputLimits) -> Result<(impl image::ImageDecoder + 'b, Header)> {
+    use image::{ImageDecoder, ImageFormat, ImageReader, Limits};
+
+    let mut reader = ImageReader::with_format(std::io::Cursor::new(bytes), ImageFormat::OpenExr);
+    let mut own = Limits::default();
+    own.max_alloc = Some(limits.get(InputLimit::ImageBytes));
+    reader.limits(own);
+    let decoder = reader.into_decoder().map_err(|error| broken_exr(error, limits))?;
+    let (width, height) = decoder.dimensions();
+    let header = Header { extent: [width, height], channels: 4, width: 4, plausible: u64::MAX, copies: 1 };
+    Ok((decoder, header))
+}
+
+#[cfg(feature = "exr")]
+fn exr_header(bytes: &[u8], limits: &InputLimits) -> Result<Header> {
+    exr_decoder(bytes, limits).map(|(_, header)| header)
+}
+
 #[cfg(not(feature = "exr"))]
 fn exr(_: &[u8], _: Option<Format>, _: &InputLimits) -> Result<Decoded> {
+    Err(invalid("an OpenEXR file"))
+}
+
+#[cfg(not(feature = "exr"))]
+fn exr_header(_: &[u8], _: &InputLimits) -> Result<Header> {
     Err(invalid("an OpenEXR file"))
 }
 

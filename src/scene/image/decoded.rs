@@ -3,7 +3,7 @@
 
 use crate::error::{ErrorKind, Result};
 use crate::input::{InputLimit, InputLimits};
-use crate::machine::format::Format;
+use crate::machine::format::{Component, Format};
 use crate::scene::image::invalid;
 
 /// A file's numbers before they are texels of a format.
@@ -37,8 +37,17 @@ pub(super) struct Header {
 }
 
 impl Header {
+    /// The format of the texels where none is wanted.
+    pub(super) fn stored(&self) -> Format {
+        match self.width {
+            1 => Format::RGBA8_SRGB,
+            2 => Format::new(Component::Unorm16, 4),
+            _ => Format::new(Component::Float32, 4),
+        }
+    }
+
     /// Compares what decoding takes with the limits, and with what the file's bytes can hold.
-    pub(super) fn check(&self, held: usize, wanted: Option<Format>, limits: &InputLimits) -> Result<()> {
+    pub(super) fn check(&self, held: u64, wanted: Option<Format>, limits: &InputLimits) -> Result<()> {
         let [width, height] = self.extent;
         limits.check(InputLimit::ImageSide, u64::from(width.max(height)), ErrorKind::InvalidImage)?;
         let texels = u64::from(width) * u64::from(height);

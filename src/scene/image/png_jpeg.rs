@@ -8,7 +8,7 @@ use zune_jpeg::zune_core::bytestream::ZCursor;
 use zune_jpeg::zune_core::colorspace::ColorSpace;
 use zune_jpeg::zune_core::options::DecoderOptions;
 
-use crate::error::{ErrorKind, Result};
+use crate::error::{Error, ErrorKind, Result};
 use crate::input::{InputLimit, InputLimits, contained};
 use crate::machine::format::Format;
 use crate::scene::image::decoded::{Decoded, Header, Numbers};
@@ -22,51 +22,78 @@ const JPEG_TEXELS: u64 = 64 * 8;
 
 /// Decodes a PNG file.
 pub(super) fn png(bytes: &[u8], wanted: Option<Format>, limits: &InputLimits) -> Result<Decoded> {
-    contained("png", ErrorKind::InvalidImage, || decode_png(bytes, wanted, limits))
+    contained("png", ErrorKind::InvalidImage, || {
+        let essential = png_without_metadata(bytes);
+        let (mut reader, header) = png_reader(&essential, bytes.len() as u64, limits)?;
+        header.check(bytes.len() as u64, wanted, limits)?;
+        let size =
+            reader.output_buffer_size().ok_or_else(|| invalid("the image's size in bytes overflows"))?;
+        let mut numbers = vec![0; size];
+        reader.next_frame(&mut numbers).map_err(|error| broken_png(error, limits))?;
+        let numbers = if header.width == 2 { Numbers::BigEndian(numbers) } else { Numbers::Bytes(numbers) };
+        Ok(Decoded { extent: header.extent, channels: header.channels, numbers })
+    })
 }
 
-fn decode_png(bytes: &[u8], wanted: Option<Format>, limits: &InputLimits) -> Result<Decoded> {
-    let broken = |error: png::DecodingError| match error {
+/// What the header of a PNG file says, given its first bytes and how many it has.
+pub(super) fn png_header(head: &[u8], size: u64, limits: &InputLimits) -> Result<Header> {
+    contained("png", ErrorKind::InvalidImage, || {
+        png_reader(&png_without_metadata(head), size, limits).map(|(_, header)| header)
+    })
+}
+
+fn broken_png(error: png::DecodingError, limits: &InputLimits) -> Error {
+    match error {
         png::DecodingError::LimitsExceeded => {
             limits.exceeded(InputLimit::ImageBytes, None, ErrorKind::InvalidImage)
         }
         error => invalid(error.to_string()),
-    };
-    let essential = png_without_metadata(bytes);
+    }
+}
+
+fn png_reader<'b>(
+    essential: &'b [u8],
+    size: u64,
+    limits: &InputLimits,
+) -> Result<(png::Reader<Cursor<&'b [u8]>>, Header)> {
     let memory = usize::try_from(limits.get(InputLimit::ImageBytes)).unwrap_or(usize::MAX);
-    let mut decoder = png::Decoder::new_with_limits(Cursor::new(&*essential), png::Limits { bytes: memory });
+    let mut decoder = png::Decoder::new_with_limits(Cursor::new(essential), png::Limits { bytes: memory });
     decoder.ignore_checksums(false);
     // Palettes and fewer than eight bits become bytes, and a transparent colour becomes alpha.
     decoder.set_transformations(png::Transformations::EXPAND);
-    let mut reader = decoder.read_info().map_err(broken)?;
+    let reader = decoder.read_info().map_err(|error| broken_png(error, limits))?;
     let (color, depth) = reader.output_color_type();
     let (width, height) = reader.info().size();
     let header = Header {
         extent: [width, height],
         channels: color.samples(),
         width: if depth == png::BitDepth::Sixteen { 2 } else { 1 },
-        plausible: (bytes.len() as u64).saturating_mul(PNG_TEXELS),
+        plausible: size.saturating_mul(PNG_TEXELS),
         copies: 1,
     };
-    header.check(bytes.len(), wanted, limits)?;
-    let size = reader.output_buffer_size().ok_or_else(|| invalid("the image's size in bytes overflows"))?;
-    let mut numbers = vec![0; size];
-    reader.next_frame(&mut numbers).map_err(broken)?;
-    let numbers = if header.width == 2 { Numbers::BigEndian(numbers) } else { Numbers::Bytes(numbers) };
-    Ok(Decoded { extent: header.extent, channels: header.channels, numbers })
+    Ok((reader, header))
 }
 
 /// Decodes a JPEG file.
 pub(super) fn jpeg(bytes: &[u8], wanted: Option<Format>, limits: &InputLimits) -> Result<Decoded> {
-    contained("zune-jpeg", ErrorKind::InvalidImage, || decode_jpeg(bytes, wanted, limits))
+    contained("zune-jpeg", ErrorKind::InvalidImage, || {
+        let (mut decoder, header) = jpeg_decoder(bytes, bytes.len() as u64)?;
+        header.check(bytes.len() as u64, wanted, limits)?;
+        let numbers = decoder.decode().map_err(|error| invalid(error.to_string()))?;
+        Ok(Decoded { extent: header.extent, channels: header.channels, numbers: Numbers::Bytes(numbers) })
+    })
 }
 
-fn decode_jpeg(bytes: &[u8], wanted: Option<Format>, limits: &InputLimits) -> Result<Decoded> {
-    let broken = |error: zune_jpeg::errors::DecodeErrors| invalid(error.to_string());
+/// What the header of a JPEG file says, given its first bytes and how many it has.
+pub(super) fn jpeg_header(head: &[u8], size: u64) -> Result<Header> {
+    contained("zune-jpeg", ErrorKind::InvalidImage, || jpeg_decoder(head, size).map(|(_, header)| header))
+}
+
+fn jpeg_decoder(bytes: &[u8], size: u64) -> Result<(JpegDecoder<ZCursor<&[u8]>>, Header)> {
     let options =
         DecoderOptions::default().set_strict_mode(false).set_max_width(usize::MAX).set_max_height(usize::MAX);
     let mut decoder = JpegDecoder::new_with_options(ZCursor::new(bytes), options);
-    decoder.decode_headers().map_err(broken)?;
+    decoder.decode_headers().map_err(|error| invalid(error.to_string()))?;
     let (Some((width, height)), Some(space)) = (decoder.dimensions(), decoder.input_colorspace()) else {
         return Err(invalid("the JPEG file has no frame"));
     };
@@ -78,13 +105,11 @@ fn decode_jpeg(bytes: &[u8], wanted: Option<Format>, limits: &InputLimits) -> Re
         extent: [side(width), side(height)],
         channels: space.num_components(),
         width: 1,
-        plausible: (bytes.len() as u64).saturating_mul(JPEG_TEXELS),
+        plausible: size.saturating_mul(JPEG_TEXELS),
         // A progressive JPEG keeps a coefficient of 16 bits for each number.
         copies: 3,
     };
-    header.check(bytes.len(), wanted, limits)?;
-    let numbers = decoder.decode().map_err(broken)?;
-    Ok(Decoded { extent: header.extent, channels: header.channels, numbers: Numbers::Bytes(numbers) })
+    Ok((decoder, header))
 }
 
 /// A PNG file's chunks that its texels depend on; all others are marked as ancillary by their

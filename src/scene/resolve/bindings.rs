@@ -12,6 +12,7 @@ use crate::machine::{Binding, Descriptor};
 use crate::program::struct_lookup::DataBlock;
 use crate::scene::address_entry::AddressChoice;
 use crate::scene::descriptor_kind::DescriptorKind;
+use crate::scene::image_entry::ImageLoading;
 use crate::scene::read::Spanned;
 use crate::scene::resolve::Resolver;
 use crate::scene::resolve::kept_places::KeptPlace;
@@ -187,8 +188,16 @@ impl Resolver<'_> {
                     None => Some(Sampler::default()),
                     Some(reference) => self.sampler(reference),
                 };
-                let streams = self.options.streams && *kind == DescriptorKind::StorageImage;
-                let image = self.report.keep(entry.load(&self.sources(), self.launch, streams))?;
+                let loading = match kind {
+                    DescriptorKind::StorageImage if self.options.streams => ImageLoading::Streamed,
+                    DescriptorKind::SampledImage | DescriptorKind::CombinedImageSampler
+                        if !self.files.read_all() =>
+                    {
+                        ImageLoading::Late
+                    }
+                    _ => ImageLoading::Now,
+                };
+                let image = self.report.keep(entry.load(&self.sources(), self.launch, loading))?;
                 let image = Arc::new(image);
                 Some(match kind {
                     DescriptorKind::SampledImage => Resource::SampledImage(image),

@@ -178,11 +178,7 @@ impl Resolver<'_> {
     }
 
     fn load_module(&self, name: &str, entry: &ShaderEntry, key: &ModuleKey) -> Result<Arc<Module>> {
-        let files = SceneFiles {
-            limits: self.files.limits(),
-            root: self.files.root().cloned(),
-            strict: self.files.strict(),
-        };
+        let files = SceneFiles::like(self.files);
         let load = |module| assemble::read(module, &files).map(Arc::new);
         if let Some(&index) = self.module_places.get(key) {
             return load(&self.modules[index]);
