@@ -95,6 +95,11 @@ impl SceneFileArgs {
         })
     }
 
+    /// These arguments, with every file that a scene names read where `all` is true.
+    pub(super) fn reading_all(&self, all: bool) -> Self {
+        Self { read_all: self.read_all || all, ..self.clone() }
+    }
+
     /// Reads a scene from a file, a pipe, or for `-` from standard input. What a pipe's scene names
     /// starts at the current folder.
     pub(super) fn scene(&self, path: &Path, options: &LoadOptions) -> Result<ResolvedScene> {

@@ -228,6 +228,7 @@ pub(super) fn run(args: RenderArgs) -> Result<()> {
         output::print(stats::table(&launch_stats, load_time, launch_time))?;
         output::print(stats::elided(&launch_stats, &assembled))?;
         output::print(stats::single_threaded(&assembled))?;
+        output::print(stats::unread(&resolved, &assembled))?;
         output::print(bands.as_ref().map_or_else(String::new, |bands| stats::bands(bands, image)))?;
     }
     if let Some(initial) = stability {

@@ -93,11 +93,11 @@ pub(super) fn run(args: RunArgs) -> Result<()> {
                 variant: args.variant.variant.clone(),
                 ..LoadOptions::default()
             };
+            // What is printed or saved is read, even if no shader does.
+            let files = args.files.reading_all(!args.dump.is_empty() || !args.save.is_empty());
             match streamed {
-                None => args.files.scene(&args.file, &options)?,
-                Some(bytes) => {
-                    scene::load_bytes(&name_of(&args.file), bytes, &args.files.files()?, &options)?
-                }
+                None => files.scene(&args.file, &options)?,
+                Some(bytes) => scene::load_bytes(&name_of(&args.file), bytes, &files.files()?, &options)?,
             }
         }
         false if args.precision.is_some() => {
@@ -179,6 +179,7 @@ fn run_scene(args: &RunArgs, mut scene: ResolvedScene, is_scene: bool, begin: In
         output::print(stats::table(&launch_stats, load_time, launch_time))?;
         output::print(stats::elided(&launch_stats, &assembled))?;
         output::print(stats::single_threaded(&assembled))?;
+        output::print(stats::unread(&scene, &assembled))?;
     }
     Ok(())
 }

@@ -1,15 +1,18 @@
 //! The tables of `--stats`.
 
+use std::collections::HashSet;
 use std::sync::Arc;
 use std::time::Duration;
 
 use crate::accel::{Blas, Tlas};
+use crate::escape;
 use crate::machine::{Binding, Descriptor};
 use crate::pipeline::{BandedLaunch, Stats};
 use crate::program::race_analysis::Memory;
-use crate::scene::Assembled;
 use crate::scene::image_entry::ImageContent;
 use crate::scene::pass::PassWork;
+use crate::scene::resolve::UnreadPart;
+use crate::scene::{Assembled, ResolvedScene};
 use crate::sorted::{sort, sort_by_key};
 
 /// The lines of `--stats` about rays, invocations, occupancy and times.
@@ -77,6 +80,28 @@ pub(super) fn single_threaded(assembled: &Assembled) -> String {
             }
         };
         text += &memory.map_or_else(String::new, |memory| shared_memory_line(&owner, memory));
+    }
+    text
+}
+
+/// The lines of `--stats` about files that were not read, or not decoded.
+pub(super) fn unread(scene: &ResolvedScene, assembled: &Assembled) -> String {
+    let mut text = String::new();
+    for UnreadPart { what, files, reason, .. } in &scene.unread {
+        let files: Vec<_> = files.iter().map(|file| escape::line(file)).collect();
+        let files = if files.is_empty() { String::new() } else { format!(" ({})", files.join(", ")) };
+        text += &format!("not read: {what}{files}: {reason}\n");
+    }
+    let descriptors = assembled.resources.descriptors.values().flatten().flat_map(Descriptor::kinds);
+    let images = descriptors.filter_map(|kind| match kind {
+        Descriptor::Image(image) | Descriptor::ImageSampler(image, _) => Some(image),
+        _ => None,
+    });
+    let unread: HashSet<_> = images.filter(|image| !image.is_read()).map(Arc::as_ptr).collect();
+    match unread.len() {
+        0 => {}
+        1 => text += "not decoded: 1 image, of which no shader read a texel\n",
+        count => text += &format!("not decoded: {count} images, of which no shader read a texel\n"),
     }
     text
 }

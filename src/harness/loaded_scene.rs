@@ -36,6 +36,7 @@ use crate::pipeline::{Pipeline, Stats};
 use crate::sanitize::WarningReports;
 use crate::scene::addresses::Addresses;
 use crate::scene::assemble::read;
+use crate::scene::resolve::UnreadPart;
 use crate::scene::resolved::ShaderCode;
 use crate::scene::sanitize_table::scene_levels;
 use crate::scene::{Assembled, LoadOptions, ResolvedScene, SceneFiles, assemble, load, load_text};
@@ -355,8 +356,28 @@ impl LoadedScene {
     }
 
     fn change(&mut self, change: Change) -> Result<&mut Self> {
+        // What no shader reads may be what the change is about, or what the new shader reads.
+        let may_read_more = matches!(change, Change::Shader(..));
+        if !self.scene.unread.is_empty() && (may_read_more || change.apply(&mut self.scene).is_err()) {
+            self.read_all()?;
+        }
         change.apply(&mut self.scene)?;
         self.changes.push(change);
+        Ok(self)
+    }
+
+    /// Reads every file that the scene names, and makes all changes again. Without it, files that
+    /// nothing reads are only checked to be there, and pictures are decoded when a shader first
+    /// reads a texel (docs/scene.md, "What is read").
+    ///
+    /// # Errors
+    /// As [`LoadedScene::open`].
+    pub fn read_all(&mut self) -> Result<&mut Self> {
+        let mut source = self.source.clone();
+        source.files.read_all = true;
+        let mut scene = source.read(&self.options)?;
+        self.changes.iter().try_for_each(|change| change.apply(&mut scene))?;
+        (self.source, self.scene) = (source, scene);
         Ok(self)
     }
 
@@ -513,6 +534,7 @@ impl LoadedScene {
             stats,
             printed: resources.printed.as_ref().map_or_else(Vec::new, |printed| printed.take()),
             names: bound.chain(unbound).collect(),
+            unread: self.scene.unread.clone(),
             bound: Bound { programs, roots: typed_scene::roots(assembled), resources, readers },
         }
     }
@@ -558,6 +580,9 @@ pub struct SceneOutcome {
     /// Where each resource of the scene is.
     #[serde(skip)]
     names: Vec<(String, Found)>,
+    /// What no shader reads, so that it was not loaded.
+    #[serde(skip)]
+    unread: Vec<UnreadPart>,
     #[serde(skip)]
     pub(super) bound: Bound,
 }
@@ -620,7 +645,11 @@ impl SceneOutcome {
 
     fn find(&self, name: &str) -> Result<Found> {
         let found = self.names.iter().find(|(known, _)| known == name).map(|(_, place)| *place);
-        found.ok_or_else(|| unknown("resource", name, self.names.iter().map(|(known, _)| known.as_str())))
+        found.ok_or_else(|| match self.unread.iter().find(|part| part.name == name) {
+            Some(UnreadPart { what, reason, .. }) => invalid(format!("the {what} was not loaded: {reason}"))
+                .note("help: call `read_all` of the `LoadedScene` to load everything"),
+            None => unknown("resource", name, self.names.iter().map(|(known, _)| known.as_str())),
+        })
     }
 }
 

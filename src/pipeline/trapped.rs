@@ -353,10 +353,8 @@ pub(crate) fn trap_error<const W: usize>(
 ) -> Error {
     let (fault_value, accessed) = (batch.fault_value[lane], batch.access_fault(lane));
     if let (TrapCode::ImageUnreadable, Some(AccessFault::ImageFile(failure))) = (trap.code, accessed) {
-        let line = source_line(program, trap.op);
-        let reader = format!("{} `{}`", program.stage.name(), program.name);
-        let id = batch.invocations.launch_id(lane);
-        return Error::clone(failure).note(format!("{reader} reads it{line}, in the invocation {id:?}"));
+        let (error, line) = (Error::clone(failure), source_line(program, trap.op));
+        return if line.is_empty() { error } else { error.note(format!("a texel is read{line}")) };
     }
     let last_out_of_bounds = |op| batch.out_of_bounds_indices.last(op, lane);
     let index = program.out_of_bounds_index(trap, fault_value, accessed, last_out_of_bounds);

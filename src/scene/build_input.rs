@@ -13,7 +13,7 @@ use crate::scene::data::DataPieces;
 use crate::scene::data_sources::DataSources;
 use crate::scene::files::Files;
 use crate::scene::open_models::OpenModels;
-use crate::scene::read::{Named, Span, Table};
+use crate::scene::read::{Named, Span, Spanned, Table};
 
 /// The buffers of one geometry, as a scene writes them.
 #[derive(Clone, Debug)]
@@ -127,6 +127,14 @@ impl BuildEntry {
             range,
             kind,
         })
+    }
+
+    /// The files that its buffers are read from.
+    pub(super) fn named_files(&self) -> Vec<Spanned<String>> {
+        let (indices, radii) = (self.indices.iter(), self.radii.iter());
+        let buffers = indices.map(|(buffer, _)| buffer).chain(radii.map(|(buffer, _)| buffer));
+        let data = [&self.vertices].into_iter().chain(buffers).map(|buffer| &buffer.data);
+        data.chain(&self.vertices_t1).flat_map(DataPieces::named_files).collect()
     }
 
     /// Decodes the buffers.

@@ -79,6 +79,14 @@ impl DataPieces {
         }
     }
 
+    /// The files that are read as they are.
+    pub(super) fn named_files(&self) -> impl Iterator<Item = Spanned<String>> {
+        self.0.iter().filter_map(|piece| match &piece.value.content {
+            Content::File(path) => Some(Spanned { value: path.clone(), span: piece.span.clone() }),
+            _ => None,
+        })
+    }
+
     /// Reads files and encodes everything but addresses.
     ///
     /// # Errors

@@ -54,6 +54,14 @@ pub trait Files {
         self.read(path).map(|bytes| DeferredFile::held(bytes.into()))
     }
 
+    /// Checks that a file is there, without opening it.
+    ///
+    /// # Errors
+    /// As [`Files::read`], but for what only reading finds.
+    fn exists(&self, path: &Path) -> Result<()> {
+        self.deferred(path).map(|_| ())
+    }
+
     /// What a scene of these files may hold.
     fn budget(&self) -> Arc<SceneBudget> {
         Arc::default()

@@ -170,6 +170,20 @@ impl GeometryEntry {
         matches!(self.shape, Shape::Part(..))
     }
 
+    /// The files that it is read from; not the one of a part of a model.
+    pub(super) fn named_files(&self) -> Vec<Spanned<String>> {
+        match &self.shape {
+            Shape::Mesh(entry) => vec![entry.file.clone()],
+            Shape::Build(entry) => entry.named_files(),
+            _ => Vec::new(),
+        }
+    }
+
+    /// Whether it is read from files of its own.
+    pub(super) fn has_files(&self) -> bool {
+        !self.named_files().is_empty()
+    }
+
     /// What it takes of a mesh file, as one geometry of this name; `None` if it has no file.
     pub(crate) fn selection(
         &self,

@@ -226,6 +226,15 @@ impl ImageEntry {
         Some(entry)
     }
 
+    /// The files that its texels are read from; not those that hold textures of meshes.
+    pub(super) fn named_files(&self) -> Vec<Spanned<String>> {
+        let pictures = self.files.iter().filter_map(|entry| match entry {
+            PictureEntry::File(file) => Some(file.clone()),
+            PictureEntry::Texture(_) => None,
+        });
+        pictures.chain(self.data.iter().flat_map(DataPieces::named_files)).collect()
+    }
+
     /// The textures of a mesh file that are elements of an array, where they are all of it.
     pub fn all_textures(&self) -> Option<&TextureReference> {
         match self.files.as_slice() {

@@ -405,7 +405,10 @@ fn textures_and_samplers_come_from_materials() {
         other => panic!("{other:?}"),
     };
     let (image, sampler) = of(0);
-    assert_eq!((image.format, &*image.texels.bytes().unwrap()), (Format::RGBA8_SRGB, &[255, 128, 0, 255][..]));
+    assert_eq!(
+        (image.format, &*image.texels.bytes().unwrap()),
+        (Format::RGBA8_SRGB, &[255, 128, 0, 255][..])
+    );
     assert_eq!(
         (sampler.mag_filter, sampler.min_filter, sampler.max_lod),
         (Filter::Nearest, Filter::Linear, 0.0)
@@ -456,7 +459,10 @@ fn all_textures_of_a_file_are_the_elements_of_an_array() {
     let white = scene(&text("type = 'combined_image_sampler'\nlevels = 3", "house"));
     let [one] = &white.resources[..] else { panic!("{:?}", white.resources) };
     let Resource::CombinedImageSampler(image, _) = &one.resource else { panic!() };
-    assert_eq!((image.format, image.shape.extent, &*image.texels.bytes().unwrap()), (linear, [1; 3], &[255; 4][..]));
+    assert_eq!(
+        (image.format, image.shape.extent, &*image.texels.bytes().unwrap()),
+        (linear, [1; 3], &[255; 4][..])
+    );
 }
 
 #[test]

@@ -20,11 +20,15 @@ use crate::scene::transform_entry::{matrix_of, parse_transform};
 pub struct ModelEntry {
     /// The span of its table.
     pub span: Span,
-    file: Spanned<String>,
-    name: Option<Spanned<String>>,
+    /// The file.
+    pub file: Spanned<String>,
+    /// What the names of its meshes begin with.
+    pub name: Option<Spanned<String>>,
     transform: Option<[[f32; 4]; 3]>,
-    tlas: String,
-    instances: bool,
+    /// The acceleration structure that holds its instances.
+    pub tlas: String,
+    /// Whether its nodes become instances.
+    pub instances: bool,
     all: MeshKeys,
     meshes: Vec<(Spanned<String>, MeshKeys)>,
 }

@@ -97,7 +97,7 @@ pub struct Spanned<T> {
 #[derive(Clone, Debug)]
 pub struct Document {
     source: Arc<TomlSource>,
-    root: TomlNode,
+    root: Arc<TomlNode>,
 }
 
 impl Document {
@@ -118,7 +118,7 @@ impl Document {
         // The crate's own limit of nesting, 80 tables, keeps what recurses here short, too.
         let root = contained("toml", ErrorKind::InvalidScene, || Self::tree(&source, limits));
         match root {
-            Ok(root) => Ok(Self { source, root }),
+            Ok(root) => Ok(Self { source, root: root.into() }),
             Err(error) => Err(error.or_at(Place::File(source.path.clone()))),
         }
     }
@@ -261,7 +261,7 @@ impl<'a> TomlValue<'a> {
 
     /// The value as a document of its own.
     pub fn to_document(&self) -> Document {
-        Document { source: self.source.clone(), root: self.node.clone() }
+        Document { source: self.source.clone(), root: Arc::new(self.node.clone()) }
     }
 
     /// A copy that owns its text.

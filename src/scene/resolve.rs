@@ -31,6 +31,7 @@ use crate::scene::read::{Diagnostics, Document, Spanned, unknown_name};
 use crate::scene::read_file::read_limited;
 use crate::scene::resolve::kept_places::KeptPlace;
 use crate::scene::resolve::modules::{ModuleKey, SceneModules};
+pub use crate::scene::resolve::unread::UnreadPart;
 use crate::scene::resolve::variants::chosen_variant;
 use crate::scene::resolved::{ResolvedGroup, ResolvedScene, ShaderModule};
 use crate::scene::resources::ResourceEntry;
@@ -41,6 +42,7 @@ mod kept_places;
 mod modules;
 mod passes;
 mod structures;
+mod unread;
 mod variants;
 mod views;
 
@@ -183,6 +185,10 @@ struct Resolver<'a> {
     has_launch: bool,
     rays: Vec<RayEntry>,
     own: Document,
+    /// Those of all files of the scene.
+    documents: Vec<Document>,
+    /// What nothing reads.
+    unread: Vec<UnreadPart>,
     modules: Vec<ShaderModule>,
     /// The modules by their paths, and by what they are compiled with.
     module_places: HashMap<ModuleKey, usize>,
@@ -200,6 +206,7 @@ impl<'a> Resolver<'a> {
         report: &'a Diagnostics,
     ) -> Self {
         let own = parts.last().expect("bug in anyhit: a scene without a file").document.clone();
+        let documents = parts.iter().map(|part| part.document.clone()).collect();
         let mut all = Self {
             files,
             report,
@@ -224,6 +231,8 @@ impl<'a> Resolver<'a> {
             has_launch: options.size.is_some(),
             rays: Vec::new(),
             own,
+            documents,
+            unread: Vec::new(),
             modules: Vec::new(),
             module_places: HashMap::new(),
             groups: Vec::new(),
@@ -278,6 +287,7 @@ impl<'a> Resolver<'a> {
             self.report.push(Error::new(ErrorKind::InvalidArgument, message));
             return None;
         }
+        self.leave_out_unread();
         self.expand_models();
         self.allot_places();
         let readers = self.push_constant_readers();
@@ -304,6 +314,7 @@ impl<'a> Resolver<'a> {
             pipelines,
             resources,
             unbound,
+            unread: self.unread,
             kept_addresses: SortedSet::new(),
             dispatches,
             passes,

@@ -17,6 +17,7 @@ use crate::scene::file::{MissingDescriptors, RayEntry};
 use crate::scene::files::SceneFiles;
 use crate::scene::image::PixelEncoding;
 use crate::scene::read::Document;
+use crate::scene::resolve::UnreadPart;
 use crate::scene::resources::{Output, Resource};
 use crate::scene::specialization::{SpecializationKey, SpecializationValue};
 use crate::sorted::SortedSet;
@@ -43,6 +44,8 @@ pub struct ResolvedScene {
     pub resources: Vec<ResolvedBinding>,
     /// Buffers without a binding of their own, in the order of their names.
     pub unbound: Vec<UnboundBuffer>,
+    /// What nothing reads, so that its files were not opened.
+    pub unread: Vec<UnreadPart>,
     /// What keeps its address, although nothing in the scene names it any more.
     pub kept_addresses: SortedSet<String>,
     /// Dispatches of compute shaders, in order; a ray-tracing launch comes before them.

@@ -349,6 +349,11 @@ impl BufferEntry {
         Some(Self { data, size, address })
     }
 
+    /// The files that its data are read from.
+    pub(super) fn named_files(&self) -> Vec<Spanned<String>> {
+        self.data.iter().flat_map(DataPieces::named_files).collect()
+    }
+
     /// Its data, padded with zeros to its size.
     ///
     /// # Errors

@@ -131,3 +131,88 @@ impl UnreadImage {
         Ok(texels)
     }
 }
+
+#[cfg(all(test, feature = "images"))]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::error::ErrorKind;
+    use crate::machine::Descriptor;
+    use crate::scene::image::PixelEncoding;
+    use crate::scene::{Assembled, LoadOptions, SceneFiles, assemble, load_text};
+
+    /// The scene of sampled images, one of which is read from a file.
+    fn scene(file: &Path, read_all: bool) -> Result<Assembled> {
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/shaders/pass/images/sampling/scene.toml");
+        let text = std::fs::read_to_string(path).expect("a scene");
+        let given = "binding = 3\nformat = \"r32f\"\nsize = [4, 2]\n\
+                     data = { f32 = [[0, 1, 2, 3], [10, 11, 12, 13]] }";
+        assert!(text.contains(given));
+        let file = file.to_str().expect("a path of UTF-8");
+        let text = text.replace(given, &format!("binding = 3\nformat = \"r32f\"\nfile = '{file}'"));
+        let files = SceneFiles { read_all, ..SceneFiles::default() };
+        assemble(&load_text(Path::new(path), &text, &files, &LoadOptions::default())?)
+    }
+
+    fn image(scene: &Assembled) -> &crate::machine::image::Image {
+        let key = crate::machine::Binding { set: 0, binding: 3 };
+        match &scene.resources.descriptors[&key][0] {
+            Descriptor::ImageSampler(image, _) => image,
+            other => panic!("{other:?}"),
+        }
+    }
+
+    fn png() -> Vec<u8> {
+        let texels = (0..32).collect();
+        let picture = Picture { format: Format::RGBA8_SRGB, extent: [4, 2], texels };
+        picture.encode_png(PixelEncoding::STORED).expect("a PNG")
+    }
+
+    #[test]
+    fn pictures_are_decoded_when_a_shader_reads_a_texel() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let file = folder.path().join("a.png");
+        std::fs::write(&file, png()).expect("a file");
+        let scene = scene(&file, false).expect("a scene");
+        let image = image(&scene);
+        assert_eq!((image.shape().extent, image.is_read()), ([4, 2, 1], false));
+        scene.run::<64>(&scene.resources, &|_| ()).expect("it runs");
+        assert!(image.is_read());
+        // The red of the second texel, an eight-bit number that is read as it is stored.
+        assert_eq!(image.bytes()[4..8], (4.0_f32 / 255.0).to_le_bytes());
+    }
+
+    #[test]
+    fn a_picture_that_cannot_be_decoded_is_the_error_of_the_run() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let file = folder.path().join("a.png");
+        let whole = png();
+        // The header is whole, and the texels end early.
+        std::fs::write(&file, &whole[..whole.len() - 20]).expect("a file");
+        let scene_of = |read_all| scene(&file, read_all);
+        let lazy = scene_of(false).expect("a scene");
+        for error in [
+            lazy.run::<64>(&lazy.resources, &|_| ()).err().expect("an error"),
+            scene_of(true).err().expect("an error"),
+        ] {
+            let text = error.render();
+            assert_eq!(error.kind(), ErrorKind::InvalidImage, "{text}");
+            assert!(text.contains("a.png") && text.contains("scene.toml:"), "{text}");
+        }
+        let error = lazy.run::<1>(&lazy.resources, &|_| ()).err().expect("an error");
+        assert!(error.notes().iter().any(|note| note.contains("launch id (0, 0, 0)")), "{error}");
+    }
+
+    #[test]
+    fn a_file_that_is_not_what_it_was_is_an_error() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let file = folder.path().join("a.png");
+        std::fs::write(&file, png()).expect("a file");
+        let scene = scene(&file, false).expect("a scene");
+        let other = Picture { format: Format::RGBA8_SRGB, extent: [2, 4], texels: vec![0; 32] };
+        std::fs::write(&file, other.encode_png(PixelEncoding::STORED).expect("a PNG")).expect("a file");
+        let error = scene.run::<64>(&scene.resources, &|_| ()).err().expect("an error");
+        assert!(error.message().contains("the file has changed"), "{error}");
+    }
+}

@@ -144,6 +144,11 @@ impl Files for ModuleAndDisk {
     fn strict(&self) -> bool {
         self.strict
     }
+
+    /// What the command line gives is read.
+    fn read_all(&self) -> bool {
+        true
+    }
 }
 
 impl Arguments {
