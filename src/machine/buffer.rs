@@ -5,14 +5,20 @@ use std::sync::atomic::AtomicU32;
 use std::sync::atomic::Ordering::Relaxed;
 use std::sync::{Arc, Mutex, PoisonError};
 
+use bytemuck::allocation::zeroed_slice_box;
+
 use crate::math::array;
+
+/// The words of a buffer. They are boxed, as only boxes take memory that the system clears when it
+/// is first touched.
+pub(crate) type Words = Arc<Box<[AtomicU32]>>;
 
 /// A buffer, or the range of one that a descriptor refers to (`VkDescriptorBufferInfo`): all ranges
 /// of a buffer are views of the same memory. The size is in bytes and need not be a multiple of
 /// four.
 pub struct Buffer {
     /// The words of the whole memory.
-    memory: Arc<[AtomicU32]>,
+    memory: Words,
     /// The word where the range begins.
     first: usize,
     size: u64,
@@ -56,7 +62,7 @@ impl Buffer {
         Self::whole(zeros(size), size as u64)
     }
 
-    fn whole(memory: Arc<[AtomicU32]>, size: u64) -> Arc<Self> {
+    fn whole(memory: Words, size: u64) -> Arc<Self> {
         Arc::new(Self { memory, first: 0, size, null: false, view_of: None })
     }
 
@@ -64,7 +70,7 @@ impl Buffer {
     /// stores are dropped, and `OpArrayLength` gives 0.
     #[must_use]
     pub fn null() -> Arc<Self> {
-        Arc::new(Self { memory: Arc::new([]), first: 0, size: 0, null: true, view_of: None })
+        Arc::new(Self { memory: Words::default(), first: 0, size: 0, null: true, view_of: None })
     }
 
     /// The range of `range` bytes at an offset in bytes, as a buffer with the same memory; `None`
@@ -87,8 +93,7 @@ impl Buffer {
 
     /// A buffer of this range in a copy of the memory. The closure returns the copied words: for
     /// all buffers with one memory the same ones.
-    #[doc(hidden)]
-    pub fn copied(&self, copy: impl FnOnce(&Arc<[AtomicU32]>) -> Arc<[AtomicU32]>) -> Arc<Self> {
+    pub(crate) fn copied(&self, copy: impl FnOnce(&Words) -> Words) -> Arc<Self> {
         let memory = copy(&self.memory);
         let Self { first, size, null, ref view_of, .. } = *self;
         Arc::new(Self { memory, first, size, null, view_of: view_of.clone() })
@@ -97,7 +102,7 @@ impl Buffer {
     /// Where the memory lies: equal for all views of a buffer, and for these alone.
     #[doc(hidden)]
     pub fn memory_id(&self) -> usize {
-        Arc::as_ptr(&self.memory).cast::<AtomicU32>().addr()
+        Arc::as_ptr(&self.memory).addr()
     }
 
     /// Where it begins in its memory, in bytes.
@@ -275,8 +280,8 @@ impl fmt::Debug for Buffer {
 const SHOWN_BYTES: usize = 16;
 
 /// As many words of zero as this many bytes take.
-fn zeros(bytes: usize) -> Arc<[AtomicU32]> {
-    (0..bytes.div_ceil(4)).map(|_| AtomicU32::new(0)).collect()
+fn zeros(bytes: usize) -> Words {
+    Arc::new(zeroed_slice_box(bytes.div_ceil(4)))
 }
 
 #[cfg(test)]

@@ -5,14 +5,12 @@ use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
 use rustc_hash::FxHashSet;
 
+use crate::machine::buffer::Words;
 use crate::machine::image::Image;
 use crate::machine::{Binding, Buffer, Descriptor, Resources};
 use crate::program::Program;
 use crate::program::race_analysis::Memory;
 use crate::sorted::SortedMap;
-
-/// The memory of a buffer and of its views.
-type Words = Arc<[AtomicU32]>;
 
 /// The memory that shaders may write, as far as is known before they run.
 #[derive(Debug, Default)]
@@ -99,8 +97,9 @@ impl WrittenMemory {
             false => image.clone(),
         };
         let mut memories: Vec<(Words, Words)> = Vec::new();
-        let words =
-            |words: &[AtomicU32]| words.iter().map(|word| AtomicU32::new(word.load(Relaxed))).collect();
+        let words = |words: &Words| -> Words {
+            Arc::new(words.iter().map(|word| AtomicU32::new(word.load(Relaxed))).collect())
+        };
         let mut buffer = |buffer: &Arc<Buffer>| match self.contains_buffer(buffer) {
             true => buffer.copied(|memory| once(&mut memories, memory, || words(memory))),
             false => buffer.clone(),

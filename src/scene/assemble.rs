@@ -521,8 +521,8 @@ fn resources(
     // The buffers that have addresses, by name.
     let mut addressed: SortedMap<&str, Arc<Buffer>> = SortedMap::new();
     for buffer in &scene.unbound {
-        match buffer.data.encode(addresses) {
-            Ok(bytes) => drop(addressed.insert(&buffer.name, Buffer::new(&bytes))),
+        match buffer.data.buffer(addresses) {
+            Ok(content) => drop(addressed.insert(&buffer.name, content)),
             Err(error) => errors.push(error),
         }
     }
@@ -557,11 +557,7 @@ fn resources(
                 )
                 .map(|()| Descriptor::AccelerationStructure(Tlas::empty().clone())),
             Resource::StorageBuffer(data) | Resource::UniformBuffer(data) => {
-                let buffer = match data.bytes() {
-                    Some(bytes) => Ok(Buffer::new(bytes)),
-                    None => data.encode(addresses).map(|bytes| Buffer::new(&bytes)),
-                };
-                match buffer {
+                match data.buffer(addresses) {
                     Ok(buffer) => {
                         buffers.insert(&binding.name, buffer.clone());
                         if addresses.of_name(&binding.name).is_some() {

@@ -2,8 +2,10 @@
 //! are.
 
 use std::fmt;
+use std::sync::Arc;
 
 use crate::error::{Error, ErrorKind, Place, Result};
+use crate::machine::Buffer;
 use crate::scene::address_entry::AddressOf;
 use crate::scene::addresses::Addresses;
 use crate::scene::read::Span;
@@ -51,12 +53,32 @@ impl From<Vec<u8>> for Data {
 }
 
 impl Data {
-    /// The bytes, where there are no addresses in them.
+    /// The bytes, where there are no addresses in them and no zeros behind them.
     pub fn bytes(&self) -> Option<&[u8]> {
+        self.given().filter(|_| self.size.is_none())
+    }
+
+    /// The bytes that are given, where there are no addresses in them.
+    fn given(&self) -> Option<&[u8]> {
         match self.parts.as_slice() {
             [] => Some(&[]),
             [Part::Bytes(bytes)] => Some(bytes),
             _ => None,
+        }
+    }
+
+    /// A buffer of them.
+    ///
+    /// # Errors
+    /// As [`Data::encode`].
+    pub fn buffer(&self, addresses: &Addresses) -> Result<Arc<Buffer>> {
+        let given = self.given();
+        match (given, &self.size) {
+            (Some(bytes), None) => Ok(Buffer::new(bytes)),
+            (Some(bytes), Some((size, _))) if bytes.len() as u64 <= *size => {
+                Ok(Buffer::with_size(bytes, *size as usize))
+            }
+            _ => self.encode(addresses).map(|bytes| Buffer::new(&bytes)),
         }
     }
 

@@ -370,19 +370,12 @@ impl BufferEntry {
             None => Data::unfilled(),
         };
         let Some(Spanned { value: size, span }) = &self.size else { return Ok(data) };
-        let Some(found) = data.bytes().map(|bytes| bytes.len() as u64) else {
-            files.reserve(*size).map_err(|error| error.at(span.place()))?;
-            data.pad_to(*size, span.place());
-            return Ok(data);
-        };
+        let found = data.bytes().map_or(0, |bytes| bytes.len() as u64);
         if found > *size {
             return Err(span.error(format!("the data has {found} bytes, more than the `size` of {size}")));
         }
-        let more = size - found;
-        files.reserve(more).map_err(|error| error.at(span.place()))?;
-        let bytes = data.tail();
-        bytes.reserve_exact(more as usize);
-        bytes.resize(*size as usize, 0);
+        files.reserve(size - found).map_err(|error| error.at(span.place()))?;
+        data.pad_to(*size, span.place());
         Ok(data)
     }
 }
