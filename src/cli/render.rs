@@ -344,6 +344,7 @@ fn load(args: &RenderArgs, streams: bool) -> Result<ResolvedScene> {
         precision: args.precision,
         streams,
         variant: args.variant.variant.clone(),
+        only_shaders_trace: true,
     };
     let mut scene = match &args.scene {
         Some(path) => args.files.scene(path, &options)?,

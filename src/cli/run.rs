@@ -91,6 +91,7 @@ pub(super) fn run(args: RunArgs) -> Result<()> {
             let options = LoadOptions {
                 precision: args.precision,
                 variant: args.variant.variant.clone(),
+                only_shaders_trace: true,
                 ..LoadOptions::default()
             };
             // What is printed or saved is read, even if no shader does.

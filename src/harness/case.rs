@@ -266,7 +266,7 @@ impl Case {
         let mut scene = load(
             &self.scene,
             &self.files,
-            &LoadOptions { size: self.size, variant, ..LoadOptions::default() },
+            &LoadOptions { size: self.size, variant, only_shaders_trace: true, ..LoadOptions::default() },
         )?;
         limits.give(&mut scene);
         let assembled = assemble(&scene)?;

@@ -5,9 +5,7 @@ use std::sync::Arc;
 
 use crate::accel::Tlas;
 use crate::error::{Error, ErrorKind, Result};
-use crate::machine::{
-    Bindings, LaunchObserver, Observer, OpenChoices, Reg, Registers, Resources, TaskWatch, Watchdog,
-};
+use crate::machine::{Bindings, Observer, OpenChoices, Reg, Registers, Resources, TaskWatch, Watchdog};
 use crate::math::array;
 use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::ops::ray_rules;
@@ -33,13 +31,13 @@ pub struct Launch<'a> {
 
 /// The number of invocations of one task, a multiple of the widest batch: enough that starting a
 /// task costs little, few enough that the threads end at about the same time.
-fn task_size(count: u64) -> u64 {
+pub(super) fn task_size(count: u64) -> u64 {
     const MIN_SIZE: u64 = 128;
     (count / 1024).clamp(MIN_SIZE, 8192) / MIN_SIZE * MIN_SIZE
 }
 
 /// Up to this many invocations run on one thread: starting more threads would take longer.
-const MAX_SINGLE_THREADED: u64 = 1024;
+pub(super) const MAX_SINGLE_THREADED: u64 = 1024;
 
 impl Launch<'_> {
     /// Runs the ray generation shader over a grid, W lanes at a time, on all threads; `on_progress`
@@ -161,25 +159,6 @@ impl Launch<'_> {
         Watchdog::new(self.pipeline.launch_limits, invocations)
     }
 
-    /// Runs the invocations at a range of positions under observers.
-    fn run_observed_task<const W: usize>(
-        &self,
-        work: &ObservedTasks<'_>,
-        range: Range<u64>,
-        pipeline_observer: &mut dyn PipelineObserver,
-        observer: &mut dyn Observer<W>,
-    ) -> (Stats, Option<Trapped>)
-    where
-        LaneKernel: Width<W>,
-    {
-        work.watch.begin_task(range.end - range.start);
-        let mut stack =
-            Stack::<W>::new(self.pipeline, work.bindings, Some(pipeline_observer), Some(observer))
-                .watched(work.watch.clone());
-        stack.launch_batches(work.record, &work.order, range);
-        (stack.stats, stack.trapped)
-    }
-
     /// The number of invocations of a launch; an error above `maxRayDispatchInvocationCount`.
     pub(super) fn invocation_count(&self, size: [u32; 3]) -> Result<u64> {
         let count = size.iter().try_fold(1u64, |count, &side| count.checked_mul(side.into()));
@@ -203,57 +182,6 @@ impl Launch<'_> {
                 "the pipeline has no ray generation shader: there is nothing to launch",
             )
         })
-    }
-
-    /// Runs the ray generation shader over a grid under observers: in launch order, on one thread,
-    /// with the same results as [`Launch::run`]. Events of the lanes of a batch are interleaved. A
-    /// launch that needs subgroups of more than 64 is not observed.
-    ///
-    /// # Errors
-    /// As [`Launch::run`].
-    pub fn run_observed(
-        &self,
-        size: [u32; 3],
-        pipeline_observer: &mut dyn PipelineObserver,
-        observer: &mut dyn LaunchObserver,
-    ) -> Result<Stats> {
-        let record = self.ray_generation()?;
-        let count = self.invocation_count(size)?;
-        let bindings = bindings(self.pipeline, self.resources);
-        let subgroups = self.pipeline.whole_subgroups();
-        if subgroups.is_some_and(|size| size > 64) {
-            return self.run::<64>(size, &|_| ());
-        }
-        let single_lane = self.pipeline.order_dependent() && subgroups.is_none();
-        let mut stats = Stats::default();
-        let task_size = task_size(count);
-        let dog = self.watchdog(count);
-        let work = ObservedTasks {
-            record,
-            bindings: &bindings,
-            order: InvocationOrder::by_index(size),
-            watch: dog.watch(),
-        };
-        for task in 0..count.div_ceil(task_size) {
-            let range = task * task_size..count.min((task + 1) * task_size);
-            let (task_stats, trapped) = match single_lane {
-                true => self.run_observed_task::<1>(&work, range, pipeline_observer, observer),
-                false => self.run_observed_task::<64>(&work, range, pipeline_observer, observer),
-            };
-            if let Some(trapped) = trapped {
-                return Err(trapped.error);
-            }
-            if dog.end_task(task, work.watch.spent()).is_some() {
-                let last = work.order.launch_id(count.min((task + 1) * task_size) - 1);
-                return Err(spent_together(None, last, &dog).error);
-            }
-            if let Some(code) = work.watch.timed_out() {
-                let last = work.order.launch_id(count.min((task + 1) * task_size) - 1);
-                return Err(timed_out(last, code, &dog).error);
-            }
-            stats = stats.plus(&task_stats);
-        }
-        Ok(stats)
     }
 
     /// Runs the ray generation shader for one launch index in one lane, under observers. If a
@@ -417,15 +345,6 @@ struct LaunchTasks<'a> {
     watchdog: &'a Arc<Watchdog>,
     /// The number that the first of these tasks has in the whole launch.
     first_task: u64,
-}
-
-/// The data that all tasks of an observed launch use.
-struct ObservedTasks<'a> {
-    record: &'a SbtRecord,
-    bindings: &'a [Bindings],
-    order: InvocationOrder,
-    /// Watches the one thread that runs them.
-    watch: Arc<TaskWatch>,
 }
 
 impl LaunchTasks<'_> {

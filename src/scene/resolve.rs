@@ -58,6 +58,9 @@ pub struct LoadOptions {
     /// Whether storage images that are only filled may exceed the limit of images in memory,
     /// because the launch outputs them in bands.
     pub streams: bool,
+    /// Whether shaders alone trace rays, so that acceleration structures that none of them reaches
+    /// are not needed.
+    pub only_shaders_trace: bool,
 }
 
 /// Reads a scene with everything that it names.

@@ -51,6 +51,18 @@ impl CallTree {
         *self.blocks.entry((call, block)).or_default() += lanes;
     }
 
+    /// Adds the calls of another tree, which are numbered behind those that are known.
+    pub(super) fn add(&mut self, other: &Self) {
+        let mut numbers = Vec::with_capacity(other.calls.len());
+        for call in &other.calls {
+            let caller = call.caller.map(|(caller, site)| (numbers[caller.0 as usize], site));
+            numbers.push(self.number(Call { caller, shader: call.shader }));
+        }
+        for (&(call, block), &lanes) in &other.blocks {
+            self.enter(numbers[call.0 as usize], block, lanes);
+        }
+    }
+
     /// A call by its number.
     pub fn call(&self, number: CallIndex) -> Call {
         self.calls[number.0 as usize]

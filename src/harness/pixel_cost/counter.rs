@@ -1,6 +1,7 @@
 //! The observers that count.
 
 use std::cell::RefCell;
+use std::sync::{Mutex, PoisonError};
 
 use crate::error::Result;
 use crate::harness::cost::instructions;
@@ -8,23 +9,26 @@ use crate::harness::pixel_cost::call_tree::{Call, CallIndex, CallSite, CallTree}
 use crate::harness::pixel_cost::{LaunchCost, PixelCost};
 use crate::machine::{Batch, Observer, RayQueryStep, ShaderIndex};
 use crate::module::interface::Stage;
-use crate::pipeline::{Event, Launch, Pipeline, PipelineObserver, Stats};
+use crate::pipeline::{Event, Launch, Pipeline, PipelineObserver};
+use crate::sorted::sort_by_key;
 
 /// The lanes of the widest batch that is observed. Batches are of consecutive launch indices and
 /// begin at multiples of it.
 const LANES: usize = 64;
 
-/// Counts what the invocations of a launch cost.
-pub(super) struct LaunchCounter {
+/// Counts what invocations of a launch cost that follow each other.
+struct Counter<'a> {
     size: [u32; 3],
     /// By shader and block: the instructions.
-    instructions: Vec<Vec<u64>>,
+    instructions: &'a [Vec<u64>],
     subgroup_size: u32,
     state: RefCell<State>,
 }
 
 #[derive(Default)]
 struct State {
+    /// The number of the first invocation.
+    first: usize,
     pixels: Vec<PixelCost>,
     calls: CallTree,
     /// By lane: its shaders that run or wait, the outermost first.
@@ -43,37 +47,53 @@ struct CallFrame {
     site: Option<CallSite>,
 }
 
-impl LaunchCounter {
-    /// A counter for a launch of a pipeline.
-    pub(super) fn new(pipeline: &Pipeline, size: [u32; 3]) -> Self {
-        let count = size.iter().map(|&side| side as usize).product();
-        let mut stacks = Vec::new();
-        stacks.resize_with(LANES, Vec::new);
-        let state = State { pixels: vec![PixelCost::default(); count], stacks, ..State::default() };
-        Self {
+/// Runs a launch, and counts what its invocations cost: on all threads, each task by itself.
+///
+/// # Errors
+/// As [`Launch::run_observed_on_threads`].
+pub(super) fn count(launch: &Launch<'_>, size: [u32; 3]) -> Result<LaunchCost> {
+    let Pipeline { programs, subgroup_size, .. } = launch.pipeline;
+    let instructions: Vec<_> = programs.iter().map(|program| instructions(program)).collect();
+    let counted: Mutex<Vec<State>> = Mutex::default();
+    launch.run_observed_on_threads(size, &|range, run| {
+        let mut state = State { first: range.start as usize, ..State::default() };
+        state.pixels.resize((range.end - range.start) as usize, PixelCost::default());
+        state.stacks.resize_with(LANES, Vec::new);
+        let counter = Counter {
             size,
-            instructions: pipeline.programs.iter().map(|program| instructions(program)).collect(),
-            subgroup_size: pipeline.subgroup_size,
+            instructions: &instructions,
+            subgroup_size: *subgroup_size,
             state: RefCell::new(state),
-        }
+        };
+        run(&mut Events(&counter), &mut Blocks(&counter));
+        counted.lock().unwrap_or_else(PoisonError::into_inner).push(counter.state.into_inner());
+    })?;
+    let mut counted = counted.into_inner().unwrap_or_else(PoisonError::into_inner);
+    sort_by_key(&mut counted, |state| state.first);
+    let count = size.iter().map(|&side| side as usize).product();
+    let (mut pixels, mut calls) = (Vec::with_capacity(count), CallTree::default());
+    let mut one_by_one = false;
+    for state in counted {
+        one_by_one |= state.one_by_one;
+        pixels.extend(state.pixels);
+        calls.add(&state.calls);
     }
+    // Of a launch that is not observed nothing is counted.
+    pixels.resize(count, PixelCost::default());
+    let is_seen = *subgroup_size == 1 || !one_by_one;
+    let subgroup_size = Some(*subgroup_size).filter(|&size| is_seen && size as usize <= LANES);
+    Ok(LaunchCost { size, pixels, subgroup_size, calls })
+}
 
-    /// Runs the launch.
-    pub(super) fn run(&mut self, launch: &Launch<'_>) -> Result<Stats> {
-        launch.run_observed(self.size, &mut Events(self), &mut Blocks(self))
-    }
-
-    /// What was counted.
-    pub(super) fn finish(self) -> LaunchCost {
-        let state = self.state.into_inner();
-        let is_seen = self.subgroup_size == 1 || !state.one_by_one;
-        let subgroup_size = Some(self.subgroup_size).filter(|&size| is_seen && size as usize <= LANES);
-        LaunchCost { size: self.size, pixels: state.pixels, subgroup_size, calls: state.calls }
+impl State {
+    /// The pixel of an invocation.
+    fn pixel(&mut self, number: usize) -> &mut PixelCost {
+        &mut self.pixels[number - self.first]
     }
 }
 
 /// Receives the events of the launch.
-struct Events<'a>(&'a LaunchCounter);
+struct Events<'a>(&'a Counter<'a>);
 
 impl PipelineObserver for Events<'_> {
     fn observes_query_traversal(&self) -> bool {
@@ -88,7 +108,7 @@ impl PipelineObserver for Events<'_> {
 
     fn event(&mut self, event: Event) {
         let state = &mut *self.0.state.borrow_mut();
-        let pixel = &mut state.pixels[state.invocation];
+        let pixel = &mut state.pixels[state.invocation - state.first];
         let stack = &mut state.stacks[state.invocation % LANES];
         match event {
             Event::Node(_) => pixel.nodes += 1,
@@ -113,7 +133,7 @@ impl PipelineObserver for Events<'_> {
 }
 
 /// Observes the blocks that run.
-struct Blocks<'a>(&'a LaunchCounter);
+struct Blocks<'a>(&'a Counter<'a>);
 
 impl<const W: usize> Observer<W> for Blocks<'_> {
     fn resumed(&mut self, shader: ShaderIndex, _: &mut Batch<W>) {
@@ -142,11 +162,12 @@ impl<const W: usize> Observer<W> for Blocks<'_> {
         while let Some(&first) = lanes.peek() {
             let subgroup = first as u64 / u64::from(self.0.subgroup_size);
             let begin = subgroup * u64::from(self.0.subgroup_size);
-            let end = (begin + u64::from(self.0.subgroup_size)).min(state.pixels.len() as u64);
+            let end =
+                (begin + u64::from(self.0.subgroup_size)).min((state.first + state.pixels.len()) as u64);
             let mut running = 0;
             while let Some(number) = lanes.next_if(|&number| (number as u64) < end) {
                 running += 1;
-                state.pixels[number].instructions += count;
+                state.pixel(number).instructions += count;
                 let Some(frame) = state.stacks[number % LANES].last() else { continue };
                 same = Some(match same {
                     Some((call, lanes)) if call == frame.call => (call, lanes + 1),
@@ -159,7 +180,7 @@ impl<const W: usize> Observer<W> for Blocks<'_> {
             if running < end - begin {
                 let mut rest = batch.mask.lanes().map(|lane| batch.invocations.number(lane));
                 while let Some(number) = rest.find(|number| (begin..end).contains(number)) {
-                    state.pixels[number as usize].divergent += count;
+                    state.pixel(number as usize).divergent += count;
                 }
             }
         }

@@ -1,7 +1,7 @@
 //! What each pixel of a launch costs, and which source lines cost it.
 //!
-//! A launch runs under observers, in launch order on one thread, so that counts depend neither on
-//! threads nor on the machine: [`measure`] returns a [`LaunchCost`], which has a [`PixelCost`] for
+//! A launch runs under observers, on all threads where it may, and counts depend neither on threads
+//! nor on the machine: [`measure`] returns a [`LaunchCost`], which has a [`PixelCost`] for
 //! every launch index, and the [`CallTree`] from which a [`profile`] by source line is made. The
 //! shaders write what they would write without observers.
 //!
@@ -21,7 +21,6 @@ pub use heat::{Heat, HeatMeasure};
 use std::borrow::Cow;
 
 use crate::error::{Error, ErrorKind, Result};
-use crate::harness::pixel_cost::counter::LaunchCounter;
 use crate::machine::Resources;
 use crate::pipeline::Launch;
 use crate::scene::Assembled;
@@ -72,25 +71,18 @@ pub fn measure(
     resources: &Resources,
 ) -> Result<LaunchCost> {
     check(single)?;
-    let mut counter = None;
     let mut found = None;
     for (number, pass) in assembled.passes.iter().enumerate() {
         let outcome = if number == single.number {
             let resources: Cow<'_, Resources> = single.resources(resources);
             let launch = Launch { pipeline: &single.pipeline, resources: &resources };
-            let counter = counter.insert(LaunchCounter::new(&single.pipeline, single.size_in(&resources)));
-            let outcome = counter.run(&launch);
-            found = outcome.is_ok().then_some(number);
-            outcome
+            counter::count(&launch, single.size_in(&resources)).map(|cost| found = Some(cost))
         } else {
-            assembled.run_pass::<64>(pass, resources, &|_| ())
+            assembled.run_pass::<64>(pass, resources, &|_| ()).map(|_| ())
         };
         outcome.map_err(|error| assembled.in_pass(number, error))?;
     }
-    match counter.filter(|_| found.is_some()) {
-        Some(counter) => Ok(counter.finish()),
-        None => Err(no_launch()),
-    }
+    found.ok_or_else(no_launch)
 }
 
 fn no_launch() -> Error {
@@ -113,4 +105,26 @@ fn check(single: &SingleLaunch<'_>) -> Result<()> {
         return Err(Error::new(ErrorKind::InvalidArgument, message).note("reduce the launch with `--size`"));
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::{LoadOptions, assemble, demo};
+
+    #[test]
+    fn counts_do_not_depend_on_threads() {
+        let options = LoadOptions { size: Some([96, 40]), ..LoadOptions::default() };
+        let assembled = assemble(&demo::scene(&options).expect("the demo")).expect("a scene");
+        let single = assembled.single_launch(None).expect("a launch");
+        let costs = [1, 3].map(|threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
+            pool.install(|| measure(&assembled, &single, &assembled.resources)).expect("it runs")
+        });
+        let [one, three] = &costs;
+        assert!(one.pixels.iter().filter(|pixel| pixel.nodes > 0).count() > 1000);
+        assert!(one.pixels == three.pixels);
+        assert_eq!(one.subgroup_size, three.subgroup_size);
+        assert_eq!(one.calls.blocks(), three.calls.blocks());
+    }
 }

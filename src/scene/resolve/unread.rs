@@ -1,8 +1,9 @@
 //! What nothing of a scene reads: its files are checked to be there, and not opened.
 //!
 //! Something reads a resource if a shader declares its set and binding, or if the scene says its
-//! name anywhere else; an acceleration structure if such a resource binds it; a geometry or a model
-//! if such a structure has an instance of it, or if its name is said. In doubt it is read.
+//! name anywhere else; an acceleration structure if such a resource binds it, or a host may trace
+//! rays; a geometry or a model if such a structure has an instance of it, or if its name is said.
+//! In doubt it is read.
 
 use std::collections::HashSet;
 
@@ -106,7 +107,10 @@ impl Resolver<'_> {
     /// Leaves out the instances of acceleration structures that no shader reaches, where one of
     /// their geometries is read from a file.
     fn leave_out_structures(&mut self, declared: &HashSet<[u32; 2]>, mentions: &Mentions) {
-        if mentions.list_instances || self.rays.iter().any(|ray| matches!(ray, RayEntry::Given(_))) {
+        if !self.options.only_shaders_trace
+            || mentions.list_instances
+            || self.rays.iter().any(|ray| matches!(ray, RayEntry::Given(_)))
+        {
             return;
         }
         let structures = |entry: &ResourceEntry| {
@@ -296,12 +300,16 @@ mod tests {
 
     /// A dispatch that declares binding 1 of set 0, and more.
     fn scene(folder: &Path, more: &str, read_all: bool) -> Result<ResolvedScene> {
+        load(folder, more, read_all, LoadOptions { only_shaders_trace: true, ..LoadOptions::default() })
+    }
+
+    fn load(folder: &Path, more: &str, read_all: bool, options: LoadOptions) -> Result<ResolvedScene> {
         let text = format!(
             "version = 1\n[shaders.sum]\npath = '{SHADER}'\n[[dispatch]]\nshader = 'sum'\n\
              [resources.sums]\ntype = 'storage_buffer'\nbinding = 1\nsize = 4096\n{more}"
         );
         let files = SceneFiles { read_all, ..SceneFiles::default() };
-        load_text(&folder.join("s.toml"), &text, &files, &LoadOptions::default())
+        load_text(&folder.join("s.toml"), &text, &files, &options)
     }
 
     const PICTURE: &str = "[resources.map]\ntype = 'sampled_image'\nbinding = 9\nfile = 'broken.png'\n";
@@ -387,6 +395,9 @@ mod tests {
             let error = scene(folder.path(), &more, false).err().unwrap_or_else(|| panic!("{more}")).render();
             assert!(error.contains("broken."), "{more}: {error}");
         }
+        // A host may trace rays.
+        let host = load(folder.path(), &format!("{MESH}{INSTANCE}"), false, LoadOptions::default());
+        assert!(host.err().expect("an error").render().contains("broken.obj"));
         for more in [PICTURE, MESH, MODEL] {
             let error = scene(folder.path(), more, true).err().expect("an error").render();
             assert!(error.contains("broken."), "{more}: {error}");
