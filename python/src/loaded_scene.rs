@@ -83,6 +83,12 @@ impl LoadedScene {
         Ok(Module { module: py.detach(|| scene.module(name)).map_err(raised)? })
     }
 
+    /// Reads every file that the scene names, also those that nothing reads, which are otherwise
+    /// only checked to be there; pictures are otherwise decoded when a shader first reads a texel.
+    fn read_all(&self, py: Python<'_>) -> PyResult<()> {
+        self.change(py, |scene| scene.read_all().map(drop))
+    }
+
     /// Replaces the content of a buffer, by the resource's name: an array of the buffer's size,
     /// C-contiguous, whose dtype and shape are compared with what the shaders declare; or `bytes`
     /// or an array of `uint8` of any size, which are not compared.

@@ -151,6 +151,16 @@ def test_a_scene_file_is_changed() -> None:
         scene.set_transform(9, far)
 
 
+def test_a_file_that_nothing_reads_is_not_opened(tmp_path: Path) -> None:
+    (tmp_path / "add.wgsl").write_text(ADD)
+    (tmp_path / "broken.png").write_text("no picture")
+    unread = '[resources.map]\ntype = "sampled_image"\nbinding = 9\nfile = "broken.png"\n'
+    scene = anyhit.Scene.from_text(tmp_path / "scene.toml", ADD_SCENE + unread)
+    assert scene.launch().read_buffer("numbers", np.uint32).tolist() == [2, 3]
+    with pytest.raises(anyhit.AnyhitError, match="broken.png"):
+        scene.read_all()
+
+
 def test_a_text_is_a_scene(tmp_path: Path) -> None:
     (tmp_path / "add.wgsl").write_text(ADD)
     scene = anyhit.Scene.from_text(tmp_path / "scene.toml", ADD_SCENE)
