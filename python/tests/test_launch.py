@@ -157,7 +157,7 @@ def test_a_file_that_nothing_reads_is_not_opened(tmp_path: Path) -> None:
     unread = '[resources.map]\ntype = "sampled_image"\nbinding = 9\nfile = "broken.png"\n'
     scene = anyhit.Scene.from_text(tmp_path / "scene.toml", ADD_SCENE + unread)
     assert scene.launch().read_buffer("numbers", np.uint32).tolist() == [2, 3]
-    with pytest.raises(anyhit.AnyhitError, match="broken.png"):
+    with pytest.raises(anyhit.Error, match="broken.png"):
         scene.read_all()
 
 

@@ -88,8 +88,12 @@ pub(super) fn single_threaded(assembled: &Assembled) -> String {
 pub(super) fn unread(scene: &ResolvedScene, assembled: &Assembled) -> String {
     let mut text = String::new();
     for UnreadPart { what, files, reason, .. } in &scene.unread {
-        let files: Vec<_> = files.iter().map(|file| escape::line(file)).collect();
-        let files = if files.is_empty() { String::new() } else { format!(" ({})", files.join(", ")) };
+        const SHOWN: usize = 3;
+        let mut names: Vec<_> = files.iter().take(SHOWN).map(|file| escape::line(file)).collect();
+        if files.len() > SHOWN {
+            names.push(format!("{} more", files.len() - SHOWN).into());
+        }
+        let files = if names.is_empty() { String::new() } else { format!(" ({})", names.join(", ")) };
         text += &format!("not read: {what}{files}: {reason}\n");
     }
     let descriptors = assembled.resources.descriptors.values().flatten().flat_map(Descriptor::kinds);
