@@ -267,6 +267,7 @@ impl Mentions {
 
     fn add_text(&mut self, keys: &[&str], text: &str) {
         match keys {
+            [.., "file" | "path" | "source" | "include"] => return,
             // What they name is looked up where it is known whether they are read.
             ["instance", "geometry" | "tlas"] | ["model", "tlas" | "name"] | ["resources", _, "tlas"] => {
                 return;
@@ -314,7 +315,7 @@ mod tests {
 
     const PICTURE: &str = "[resources.map]\ntype = 'sampled_image'\nbinding = 9\nfile = 'broken.png'\n";
     const DATA: &str =
-        "[resources.data]\ntype = 'storage_buffer'\nbinding = 9\ndata = { file = 'broken.png' }\n";
+        "[resources.broken]\ntype = 'storage_buffer'\nbinding = 9\ndata = { file = 'broken.png' }\n";
     const MESH: &str = "[geometry.mesh]\ntype = 'obj'\nfile = 'broken.obj'\n";
     const INSTANCE: &str = "[[instance]]\ngeometry = 'mesh'\ntlas = 'world'\n";
     const MODEL: &str = "[[model]]\nfile = 'broken.gltf'\nname = 'house'\ntlas = 'world'\n";
