@@ -1,6 +1,7 @@
 //! The explanation beneath a failed assertion: the text of `anyhit trace-one-ray`, for a ray or a
 //! shader run from Rust. It is rendered only on request.
 
+use std::borrow::Cow;
 use std::fmt;
 #[cfg(feature = "scenes")]
 use std::path::Path;
@@ -23,6 +24,7 @@ use crate::machine::{DeviceMemory, Resources};
 #[cfg(feature = "scenes")]
 use crate::pipeline::SteppedLaunch;
 use crate::pipeline::{Event, Launch, Pipeline, RayOperands};
+use crate::program::Program;
 #[cfg(feature = "scenes")]
 use crate::scene::files::{DiskFiles, Files};
 
@@ -37,24 +39,19 @@ pub trait Explain {
 }
 
 /// A ray or a shader run, kept so that it can be explained.
-pub(super) struct Explanation {
-    pub pipeline: Pipeline,
-    pub what: What,
-}
-
-pub(super) enum What {
+pub(super) enum Explanation {
     /// A ray; it is traced again, on a copy of the resources that it was given.
-    Ray { tlas: Arc<Tlas>, operands: RayOperands, resources: Resources },
+    Ray { pipeline: Pipeline, tlas: Arc<Tlas>, operands: RayOperands, resources: Resources },
     /// A single shader: its events, and what answered its calls.
-    Shader { events: Vec<Event>, calls: Vec<String>, memory: DeviceMemory },
+    Shader { program: Arc<Program>, events: Vec<Event>, calls: Vec<String>, memory: DeviceMemory },
 }
 
 /// What is explained, without its events.
 impl fmt::Debug for Explanation {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self.what {
-            What::Ray { .. } => "Explanation(a ray)",
-            What::Shader { .. } => "Explanation(a shader)",
+        f.write_str(match self {
+            Self::Ray { .. } => "Explanation(a ray)",
+            Self::Shader { .. } => "Explanation(a shader)",
         })
     }
 }
@@ -62,21 +59,22 @@ impl fmt::Debug for Explanation {
 impl Explanation {
     /// Renders the explanation.
     pub(super) fn text(&self) -> String {
-        let (title, events, calls, memory) = match &self.what {
-            What::Ray { tlas, operands, resources } => {
-                let (pipeline, resources) = memory::copied_for_run(&self.pipeline, resources);
-                let launch = Launch { pipeline: &pipeline, resources: &resources };
+        let (title, pipeline, events, calls, memory) = match self {
+            Self::Ray { pipeline, tlas, operands, resources } => {
+                let (own, resources) = memory::copied_for_run(pipeline, resources);
+                let launch = Launch { pipeline: &own, resources: &resources };
                 let mut events: Vec<Event> = Vec::new();
                 // A trap is among the events, too.
                 let _ = launch.trace(tlas, operands.clone(), Some(&mut events));
-                ("the ray, traced again", events, &[][..], resources.memory)
+                ("the ray, traced again", Cow::Borrowed(pipeline), events, &[][..], resources.memory)
             }
-            What::Shader { events, calls, memory } => {
-                ("the shader alone", events.clone(), &calls[..], memory.clone())
+            Self::Shader { program, events, calls, memory } => {
+                let pipeline = Cow::Owned(Pipeline::of_shader(program));
+                ("the shader alone", pipeline, events.clone(), &calls[..], memory.clone())
             }
         };
-        let names = Names::unnamed(&self.pipeline).with_memory(&memory);
-        let Some(mut root) = EventReader::new(&self.pipeline, names, events).root() else {
+        let names = Names::unnamed(&pipeline).with_memory(&memory);
+        let Some(mut root) = EventReader::new(&pipeline, names, events).root() else {
             return String::new();
         };
         self.add_lines(&mut root);
@@ -93,12 +91,12 @@ impl Explanation {
     /// explanation still stands.
     #[cfg(feature = "scenes")]
     fn add_lines(&self, root: &mut Step) {
-        let What::Ray { tlas, operands, resources } = &self.what else { return };
+        let Self::Ray { pipeline, tlas, operands, resources } = self else { return };
         let runs = FollowedRuns::of_deciders(root);
         if runs == FollowedRuns::Only(Vec::new()) {
             return;
         }
-        let (pipeline, resources) = memory::copied_for_run(&self.pipeline, resources);
+        let (pipeline, resources) = memory::copied_for_run(pipeline, resources);
         let Ok(pipeline) = pipeline.partly_unoptimized(|_| true).map(Arc::new) else { return };
         let stepped = SteppedLaunch::<1>::of_ray(pipeline.clone(), &resources, tlas, operands.clone());
         let Ok(stepped) = stepped else { return };

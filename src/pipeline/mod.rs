@@ -149,6 +149,13 @@ impl Pipeline {
         PipelineBuilder::default()
     }
 
+    /// A pipeline of one shader and no groups, to explain a run of it.
+    pub(crate) fn of_shader(program: &Arc<Program>) -> Self {
+        let mut builder = Self::builder();
+        builder.shader(program.clone());
+        builder.build().expect("bug in anyhit: a pipeline without groups is rejected")
+    }
+
     /// Returns the pipeline with programs that are not optimised; see [`Program::unoptimized`].
     ///
     /// # Errors

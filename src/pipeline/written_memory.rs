@@ -84,6 +84,14 @@ impl WrittenMemory {
         self.is_everything || self.places.contains(&place)
     }
 
+    /// Resources of which this memory is copied; they collect printed lines of their own.
+    pub fn own(&self, resources: Resources) -> Resources {
+        if self.is_everything || !self.places.is_empty() {
+            return self.copied(&resources);
+        }
+        Resources { printed: resources.printed.as_ref().map(|_| Arc::default()), ..resources }
+    }
+
     /// Copies resources with this memory, and shares the rest; the copy collects printed lines of
     /// its own. Bindings that shared memory share the copy.
     pub fn copied(&self, resources: &Resources) -> Resources {

@@ -16,7 +16,7 @@ use crate::machine::ray_query::RayQuery;
 use crate::machine::stop::Stop;
 use crate::machine::{Bindings, Buffer, Observer, Reg, ShaderIndex};
 use crate::ops::builtin::Builtin;
-use crate::pipeline::{Event, Resumed};
+use crate::pipeline::{Event, Pipeline, Resumed};
 
 impl ShaderTest {
     /// Runs the shader in the debugger of `anyhit trace-one-ray --interactive`, and returns the
@@ -44,7 +44,8 @@ impl ShaderTest {
         let test = Self { program: Arc::new(self.program.unoptimized()?), ..self.clone() };
         let resources = memory::copied(&test.given_resources()?);
         let bindings = resources.bindings(test.program.bindings());
-        let (state, pipeline) = (State::Begins(Box::new(test.begin(&mut ())?)), Arc::new(test.pipeline()));
+        let (state, pipeline) =
+            (State::Begins(Box::new(test.begin(&mut ())?)), Arc::new(Pipeline::of_shader(&test.program)));
         let debuggee = SteppedTest { test, bindings, state };
         transcript(Debugger::with(Box::new(debuggee), pipeline, &resources), commands)
     }

@@ -6,7 +6,7 @@ use crate::accel::HitPrimitive;
 use crate::error::{Error, Result, Trap};
 use crate::harness::bound::Bound;
 use crate::harness::data::TypedBytes;
-use crate::harness::explain::{Explanation, What};
+use crate::harness::explain::Explanation;
 use crate::harness::mock::answered;
 use crate::harness::shader_outcome::ShaderOutcome;
 use crate::harness::shader_test::{RunningTest, ShaderTest};
@@ -18,7 +18,7 @@ use crate::module::interface::Stage;
 use crate::ops::pointer::storage;
 use crate::ops::translate::InterfaceRegisters;
 use crate::pipeline::WrittenMemory;
-use crate::pipeline::{Event, Pipeline, trap_error, with_limit};
+use crate::pipeline::{Event, trap_error, with_limit};
 use crate::sanitize::module_checks::check_module;
 use crate::sanitize::{Levels, ProgramPlan, Sanitizer, WarningReports};
 use crate::sorted::SortedMap;
@@ -69,7 +69,7 @@ impl ShaderTest {
 
     fn run_observed<O: Observer<1>>(&self, observer: &mut O) -> Result<ShaderOutcome> {
         let given = self.given_resources()?;
-        let resources = WrittenMemory::of([&self.program], &given).copied(&given);
+        let resources = WrittenMemory::of([&self.program], &given).own(given);
         let program = &*self.program;
         let bindings = resources.bindings(program.bindings());
         let mut running = self.begin(observer)?;
@@ -164,13 +164,11 @@ impl ShaderTest {
         let attribute_rows = program.interface_registers(storage::HIT_ATTRIBUTE);
         let words = self.payload_rows().map_or_else(Vec::new, |registers| words(&batch, registers));
         events.push(Event::Leave { shader: ShaderIndex(0), stage: program.stage, exit, payload: words });
-        let explanation = Arc::new(Explanation {
-            pipeline: self.pipeline(),
-            what: What::Shader {
-                events,
-                calls: answered(&traces, &executes, &calls),
-                memory: resources.memory.clone(),
-            },
+        let explanation = Arc::new(Explanation::Shader {
+            program: self.program.clone(),
+            events,
+            calls: answered(&traces, &executes, &calls),
+            memory: resources.memory.clone(),
         });
         let mut payload = self.read(&batch, self.payload_rows());
         payload.explained_by(&explanation);
@@ -201,13 +199,6 @@ impl ShaderTest {
             explanation,
             hit,
         }
-    }
-
-    /// A pipeline of this shader alone, to explain its run.
-    pub(super) fn pipeline(&self) -> Pipeline {
-        let mut builder = Pipeline::builder();
-        builder.shader(self.program.clone());
-        builder.build().expect("bug in anyhit: a pipeline without groups is rejected")
     }
 
     fn enter(&self, batch: &Batch<1>) -> Event {
