@@ -9,7 +9,7 @@ use crate::input::{InputLimit, InputLimits, RootFolder, read_regular};
 use crate::scene::deferred_file::{DeferredFile, SceneBudget};
 
 /// Reads files by path.
-pub trait Files {
+pub trait Files: Sync {
     /// The whole content of a file that a scene names, or a file that it names.
     ///
     /// # Errors

@@ -179,6 +179,14 @@ impl GeometryEntry {
         }
     }
 
+    /// The mesh file that it is read from, and its format.
+    pub(super) fn mesh_file(&self) -> Option<(MeshFormat, &Spanned<String>)> {
+        match &self.shape {
+            Shape::Mesh(entry) => Some((entry.format, &entry.file)),
+            _ => None,
+        }
+    }
+
     /// Whether it is read from files of its own.
     pub(super) fn has_files(&self) -> bool {
         !self.named_files().is_empty()

@@ -1,19 +1,28 @@
 //! The mesh files of a scene, opened once each, and what a scene selects of them.
 
-use std::cell::RefCell;
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::scene::files::Files;
 use crate::scene::mesh::model::{MeshFormat, Model};
 use crate::scene::read::Spanned;
-use crate::scene::read_file::read;
+use crate::scene::read_file::file_error;
 
 /// The mesh files of a scene, each of which is opened once.
 #[derive(Debug, Default)]
-pub struct OpenModels(RefCell<HashMap<PathBuf, Arc<Model>>>);
+pub struct OpenModels(Mutex<HashMap<PathBuf, Arc<OnceLock<Opened>>>>);
+
+/// A mesh file, or why it could not be opened.
+type Opened = Result<Arc<Model>, Unopened>;
+
+/// Why a mesh file could not be opened: it could not be read, or it is broken.
+#[derive(Clone, Debug)]
+enum Unopened {
+    Unread(Error),
+    Broken(Error),
+}
 
 impl OpenModels {
     /// Opens a file that a scene names.
@@ -30,7 +39,8 @@ impl OpenModels {
         }
     }
 
-    /// Opens a file of a format that the scene says.
+    /// Opens a file of a format that the scene says. A thread that needs a file which another one
+    /// opens waits for it.
     ///
     /// # Errors
     /// As [`Model::open`].
@@ -41,14 +51,17 @@ impl OpenModels {
         files: &dyn Files,
     ) -> Result<Arc<Model>> {
         let path = file.span.source.sibling(&file.value);
-        if let Some(known) = self.0.borrow().get(&path) {
-            return Ok(known.clone());
-        }
-        let bytes = read(files, &file.value, &file.span)?;
-        let model = Model::open(format, &path, bytes, files);
-        let model = Arc::new(model.map_err(|error| error.at_with(file.span.place(), "named here"))?);
-        self.0.borrow_mut().insert(path, model.clone());
-        Ok(model)
+        let mut known = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let opened = known.entry(path.clone()).or_default().clone();
+        drop(known);
+        let opened = opened.get_or_init(|| {
+            let bytes = files.read(&path).map_err(Unopened::Unread)?;
+            Model::open(format, &path, bytes, files).map(Arc::new).map_err(Unopened::Broken)
+        });
+        opened.clone().map_err(|unopened| match unopened {
+            Unopened::Unread(error) => file_error(error, &file.span, &path),
+            Unopened::Broken(error) => error.at_with(file.span.place(), "named here"),
+        })
     }
 }
 

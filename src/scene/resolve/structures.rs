@@ -1,10 +1,14 @@
 //! Geometries, instances and the acceleration structures that they make.
 
 use std::collections::{HashMap, HashSet};
+use std::path::Path;
 use std::sync::Arc;
 
 use crate::accel::{Blas, Geometry, Tlas, TlasInstance};
+use crate::pipeline::map_on_threads;
+use crate::scene::geometry::GeometryEntry;
 use crate::scene::instance_entry::InstanceEntry;
+use crate::scene::mesh::model::MeshFormat;
 use crate::scene::models::Expanded;
 use crate::scene::read::Span;
 use crate::scene::resolve::Resolver;
@@ -70,6 +74,7 @@ struct SpannedInstance<'a> {
 impl Resolver<'_> {
     /// Makes geometries and instances of models: instances after those that the scene lists.
     pub(super) fn expand_models(&mut self) {
+        self.open_on_threads();
         let mut expanded = Expanded::default();
         let is_taken = |name: &str| self.geometry.get(name).is_some();
         for entry in &self.models {
@@ -87,10 +92,51 @@ impl Resolver<'_> {
         }
     }
 
+    /// Opens the mesh files at the same time, where there are several. Errors are reported where
+    /// the files are used.
+    fn open_on_threads(&self) {
+        let models = self
+            .models
+            .iter()
+            .filter_map(|entry| Some((MeshFormat::of(Path::new(&entry.file.value))?, &entry.file)));
+        let contents = self.geometry.entries.iter().filter_map(|entry| entry.content.as_ref());
+        let mut opened = HashSet::new();
+        let all = models.chain(contents.filter_map(GeometryEntry::mesh_file));
+        let files: Vec<_> = all.filter(|(_, file)| opened.insert(&file.value)).collect();
+        let (models, source) = (&self.open_models, self.files);
+        if files.len() > 1 {
+            map_on_threads(files.len(), |at| {
+                let (format, file) = files[at];
+                drop(models.open_as(format, file, source));
+            });
+        }
+    }
+
+    /// Loads the geometries of instances that are read from files at the same time, where there are
+    /// several: those that can be loaded, by their names. Errors are reported where the others are
+    /// used.
+    fn load_on_threads<'s>(&'s self) -> HashMap<&'s str, Loaded> {
+        let mut used = HashSet::new();
+        let names = self.instances.iter().flat_map(|entry| entry.geometry.iter());
+        let names = names.map(|name| name.value.as_str()).filter(|name| used.insert(*name));
+        let from_files: Vec<_> = names
+            .filter_map(|name| Some((name, self.geometry.get(name)?.content.as_ref()?)))
+            .filter(|(_, content)| content.is_part() || content.has_files())
+            .collect();
+        if from_files.len() < 2 {
+            return HashMap::new();
+        }
+        let (models, files) = (&self.open_models, self.files);
+        let loaded = map_on_threads(from_files.len(), |at| from_files[at].1.load(files, models).ok());
+        let loaded = from_files.iter().zip(loaded);
+        loaded.filter_map(|((name, _), geometry)| Some((*name, Loaded::Stored(geometry?)))).collect()
+    }
+
     /// Builds a BLAS for every list of geometries, and a TLAS for every name. A name without a
     /// structure is in the list, too, so that its error is not reported as an unknown name.
     pub(super) fn structures(&self) -> Vec<(String, Option<Arc<Tlas>>)> {
-        let mut geometries = LoadedGeometries::default();
+        let mut geometries =
+            LoadedGeometries { loaded: self.load_on_threads(), ..LoadedGeometries::default() };
         let lists: HashSet<Vec<&str>> = self.instances.iter().map(names_of).collect();
         lists.iter().flatten().for_each(|name| *geometries.uses.entry(name).or_default() += 1);
         let mut blases: HashMap<Vec<&str>, Option<Arc<Blas>>> = HashMap::new();
