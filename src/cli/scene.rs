@@ -1,6 +1,6 @@
 //! `anyhit scene`: writes a scene file for compiled shaders.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 
@@ -9,9 +9,10 @@ use crate::cli::limits::LimitArgs;
 use crate::cli::output;
 use crate::cli::source::SourceArgs;
 use crate::debug::shell;
-use crate::error::Result;
+use crate::error::{Error, ErrorKind, Result};
 use crate::escape;
 use crate::harness::init;
+use crate::input::STANDARD_INPUT;
 use crate::machine::LaunchLimits;
 
 /// Write a complete scene file from the declarations of modules.
@@ -36,6 +37,10 @@ pub(super) struct SceneArgs {
 /// # Errors
 /// What modules lack, and a file that is there already.
 pub(super) fn run(args: SceneArgs) -> Result<()> {
+    if args.output == Path::new(STANDARD_INPUT) {
+        let message = "`--output -`: a scene is written to a file, which its paths are relative to";
+        return Err(Error::new(ErrorKind::InvalidArgument, message));
+    }
     let limits = args.limits.limits(LaunchLimits::TESTS);
     let written = init::scene(&args.init, &args.output, &args.files.files()?, &limits, &args.how.words())?;
     output::warnings(&written.warnings);

@@ -4,7 +4,7 @@ use std::io::{IsTerminal, stdout};
 use std::mem::ManuallyDrop;
 use std::path::{Path, PathBuf};
 
-use clap::Args;
+use clap::{ArgGroup, Args};
 
 use crate::cli::compare::{self, Other};
 use crate::cli::input::{SceneFileArgs, VariantArgs};
@@ -36,6 +36,10 @@ use crate::scene::{LoadOptions, ResolvedScene, demo};
 ///
 /// Without a scene file, the built-in demo is used: a field of grass, spheres and chains.
 #[derive(Args, Clone, Debug)]
+#[command(group = ArgGroup::new("of_ray")
+    .args(["t_min", "t_max", "flags", "cull_mask", "time", "sbt_offset", "sbt_stride", "miss_index"])
+    .multiple(true)
+    .conflicts_with_all(["pixel", "invocation"]))]
 pub(super) struct TraceOneRayArgs {
     /// Scene file, or `-` for standard input
     #[arg(value_name = "SCENE")]
