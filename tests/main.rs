@@ -43,6 +43,7 @@ mod first_tests;
 mod fixtures;
 mod given_sizes;
 mod grammar_delta;
+mod growth_fit;
 mod host_layout;
 mod hostile_text;
 mod instructions;

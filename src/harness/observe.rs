@@ -27,6 +27,7 @@ pub(super) fn read_resources(scene: &ResolvedScene, resources: &Resources, obser
             observed.printed.push('\n');
         }
     }
+    let encodings = scene.image_encodings();
     for binding in &scene.resources {
         let key = Binding { set: binding.set, binding: binding.binding };
         let found = resources.descriptors.get(&key).and_then(|list| list.get(binding.element as usize));
@@ -37,7 +38,7 @@ pub(super) fn read_resources(scene: &ResolvedScene, resources: &Resources, obser
                 observed.buffers.push(ObservedMemory::of_buffer(name, Some(place), buffer.clone()));
             }
             Some(Descriptor::Image(image) | Descriptor::ImageSampler(image, _)) => {
-                let encoding = scene.encoding_of(binding);
+                let encoding = encodings.of(binding);
                 observed.images.push(ObservedMemory::of_image(name, place, image.clone(), encoding));
             }
             _ => {}

@@ -44,6 +44,8 @@ pub mod number {
     pub const NO_CONTRACTION: u32 = 42;
     /// `NonUniform`
     pub const NON_UNIFORM: u32 = 5300;
+    /// The builtin `WorkgroupSize`, an operand of `BuiltIn`.
+    pub const WORKGROUP_SIZE: u32 = 25;
 }
 
 /// A decoration with its literal operands, numbers as in the specification.
@@ -55,6 +57,12 @@ pub struct Decoration {
     pub operands: Vec<u32>,
 }
 
+impl Decoration {
+    fn is_workgroup_size(&self) -> bool {
+        self.number == number::BUILT_IN && self.operands.first() == Some(&number::WORKGROUP_SIZE)
+    }
+}
+
 /// All decorations of a module; groups are already applied to their targets.
 #[derive(Clone, Debug, Default)]
 pub struct Decorations {
@@ -62,6 +70,8 @@ pub struct Decorations {
     pub of_id: HashMap<Id, Vec<Decoration>>,
     /// Decorations of struct members, by the struct's id and the member's index.
     pub of_member: HashMap<(Id, u32), Vec<Decoration>>,
+    /// Ids decorated with `BuiltIn WorkgroupSize`: at most one in a valid module.
+    pub workgroup_sizes: Vec<Id>,
 }
 
 impl Decorations {
@@ -190,7 +200,12 @@ impl PendingDecorations {
                 continue;
             }
             match target {
-                Target::Id(id) => module.decorations.of_id.entry(id).or_default().extend(decorations),
+                Target::Id(id) => {
+                    if decorations.iter().any(Decoration::is_workgroup_size) {
+                        module.decorations.workgroup_sizes.push(id);
+                    }
+                    module.decorations.of_id.entry(id).or_default().extend(decorations);
+                }
                 Target::Member(id, member) => {
                     module.decorations.of_member.entry((id, member)).or_default().extend(decorations);
                 }

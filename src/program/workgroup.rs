@@ -11,7 +11,6 @@ const LOCAL_SIZE: u32 = 17;
 const LOCAL_SIZE_ID: u32 = 38;
 const DERIVATIVE_GROUP_QUADS: u32 = 5289;
 const DERIVATIVE_GROUP_LINEAR: u32 = 5290;
-const WORKGROUP_SIZE: u32 = 25;
 
 /// More invocations than `maxComputeWorkGroupInvocations` of any device.
 pub const MAX_INVOCATIONS: u64 = 1 << 16;
@@ -70,9 +69,14 @@ impl WorkgroupLayout {
         let derivatives = DerivativeGroup::of(entry);
         translator.origin.offset = entry.offset;
         let module = translator.module;
-        let decorated = module.constants.iter().find(|constant| {
-            module.decorations.literal(constant.id, number::BUILT_IN) == Some(WORKGROUP_SIZE)
-        });
+        // Few ids are decorated so; a module may have many constants and entry points.
+        let decorated = match &module.decorations.workgroup_sizes[..] {
+            [] => None,
+            ids => module.constants.iter().find(|constant| {
+                let built_in = module.decorations.literal(constant.id, number::BUILT_IN);
+                ids.contains(&constant.id) && built_in == Some(number::WORKGROUP_SIZE)
+            }),
+        };
         let mode = |number| entry.modes.iter().find(|(mode, _)| *mode == number).map(|(_, words)| words);
         let literal = decorated.is_none() && mode(LOCAL_SIZE_ID).is_none();
         let sides: Vec<u64> = if let Some(constant) = decorated {
@@ -137,7 +141,13 @@ impl WorkgroupLayout {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
+    use rspirv::spirv::Op;
+
     use super::*;
+    use crate::module::assemble::Assembler;
+    use crate::program::lower;
 
     #[test]
     fn quads_by_hand() {
@@ -162,5 +172,42 @@ mod tests {
         }
         let wanted = Some("VUID-StandaloneSpirv-DerivativeGroupLinearKHR-10152");
         assert_eq!(rule(DerivativeGroup::Linear, [3, 2, 1]), wanted);
+    }
+
+    /// The workgroup sizes of two entry points with a `LocalSize` of 1, 1, 1, beside the constants
+    /// (2, 3, 4) and (5, 6, 7), of which one may be decorated.
+    fn sizes(decorated: Option<u32>) -> [[u32; 3]; 2] {
+        let mut a = Assembler::new();
+        for (id, name) in [(20, "first"), (30, "second")] {
+            a.with_string(Op::EntryPoint, &[5, id], name, &[]);
+        }
+        for id in [20, 30] {
+            a.op(Op::ExecutionMode, &[id, LOCAL_SIZE, 1, 1, 1]);
+        }
+        if let Some(id) = decorated {
+            a.op(Op::Decorate, &[id, number::BUILT_IN, 25]);
+        }
+        a.types();
+        a.op(Op::TypeVector, &[9, 5, 3]);
+        for side in 2..8 {
+            a.op(Op::Constant, &[5, 40 + side, side]);
+        }
+        a.op(Op::ConstantComposite, &[9, 50, 42, 43, 44]);
+        a.op(Op::ConstantComposite, &[9, 51, 45, 46, 47]);
+        for id in [20, 30] {
+            a.function(id, id + 1, |a| {
+                a.op(Op::Return, &[]);
+            });
+        }
+        let module = Arc::new(a.loaded());
+        [0, 1].map(|at| lower(&module, &module.entry_points[at]).unwrap().workgroup.unwrap().size)
+    }
+
+    #[test]
+    fn a_decorated_constant_is_the_size_of_all_entry_points() {
+        // SPIR-V, BuiltIn, WorkgroupSize: it takes precedence over LocalSize.
+        assert_eq!(sizes(None), [[1; 3]; 2]);
+        assert_eq!(sizes(Some(50)), [[2, 3, 4]; 2]);
+        assert_eq!(sizes(Some(51)), [[5, 6, 7]; 2]);
     }
 }

@@ -349,6 +349,22 @@ impl ResolvedBinding {
     }
 }
 
+/// The bindings of a scene that set how a picture of their image is encoded.
+#[derive(Debug)]
+pub struct ImageEncodings<'a>(Vec<&'a ResolvedBinding>);
+
+impl ImageEncodings<'_> {
+    /// The encoding of a picture of the image at a binding, as [`ResolvedScene::encoding_of`].
+    pub fn of(&self, image: &ResolvedBinding) -> PixelEncoding {
+        let others = || self.0.iter().copied().filter(|one| one.is_same_image(image));
+        let of_image = || std::iter::once(image).chain(others());
+        PixelEncoding {
+            to_srgb: of_image().any(|one| one.output == Some(Output::Linear)),
+            keep_alpha: of_image().any(|one| one.keeps_alpha),
+        }
+    }
+}
+
 /// A buffer that has no binding of its own: shaders reach it by its address, or by those of its
 /// ranges that are bound.
 #[derive(Clone, Debug)]
@@ -445,11 +461,13 @@ impl ResolvedScene {
     /// The encoding of a picture of the image at a binding: that of the image, whichever of its
     /// bindings says it.
     pub fn encoding_of(&self, image: &ResolvedBinding) -> PixelEncoding {
-        let all = || std::iter::once(image).chain(self.bindings_of_image(image));
-        PixelEncoding {
-            to_srgb: all().any(|one| one.output == Some(Output::Linear)),
-            keep_alpha: all().any(|one| one.keeps_alpha),
-        }
+        self.image_encodings().of(image)
+    }
+
+    /// The bindings that set encodings, to find those of many images.
+    pub fn image_encodings(&self) -> ImageEncodings<'_> {
+        let sets = |one: &&ResolvedBinding| one.output == Some(Output::Linear) || one.keeps_alpha;
+        ImageEncodings(self.resources.iter().filter(sets).collect())
     }
 
     /// The bindings of the image that is bound at one.
@@ -458,5 +476,42 @@ impl ResolvedScene {
         image: &'a ResolvedBinding,
     ) -> impl Iterator<Item = &'a ResolvedBinding> {
         self.resources.iter().filter(|one| one.is_same_image(image))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use crate::scene::image::PixelEncoding;
+    use crate::scene::{LoadOptions, SceneFiles, load_text};
+
+    #[test]
+    fn all_bindings_of_an_image_have_the_encoding_that_one_sets() {
+        let text = "version = 1
+            [resources.picture]
+            type = 'storage_image'
+            binding = 0
+            size = [1, 1]
+            alpha = true
+            [resources.view]
+            type = 'sampled_image'
+            binding = 1
+            image = 'picture'
+            [resources.other]
+            type = 'storage_image'
+            binding = 2
+            size = [1, 1]
+            output = 'linear'";
+        let (files, options) = (SceneFiles::default(), LoadOptions::default());
+        let scene = load_text(Path::new("scene.toml"), text, &files, &options).unwrap();
+        let encoding = |name: &str| {
+            let binding = scene.resources.iter().find(|one| one.name == name).unwrap();
+            assert_eq!(scene.image_encodings().of(binding), scene.encoding_of(binding));
+            scene.encoding_of(binding)
+        };
+        let of_picture = PixelEncoding { to_srgb: false, keep_alpha: true };
+        assert_eq!([encoding("picture"), encoding("view")], [of_picture; 2]);
+        assert_eq!(encoding("other"), PixelEncoding { to_srgb: true, keep_alpha: false });
     }
 }
