@@ -12,8 +12,13 @@ use std::path::Path;
 use crate::support::imports::Imports;
 
 /// The roots of the library and of the benchmarks that have several files.
-const ROOTS: &[&str] =
-    &["src/lib.rs", "benches/peers/main.rs", "benches/speed/main.rs", "benches/time_vs_error/main.rs"];
+const ROOTS: &[&str] = &[
+    "src/lib.rs",
+    "benches/growth/main.rs",
+    "benches/peers/main.rs",
+    "benches/speed/main.rs",
+    "benches/time_vs_error/main.rs",
+];
 
 /// The circles that there are, each with its reason.
 const ALLOWED: &[(&[&str], &str)] = &[

@@ -5,9 +5,10 @@ use std::path::Path;
 use anyhit::internals::harness::case::Case;
 use anyhit::internals::harness::run::{RayMeasurements, rays as rays_of};
 
+use crate::curve::Curve;
 use crate::fit::Growth;
+use crate::measure::Work;
 use crate::scene_text::{SceneText, each, sides};
-use crate::{Curve, Work};
 
 const RAYS: usize = 100;
 const BYTES: [usize; 4] = [1 << 18, 1 << 20, 1 << 22, 1 << 24];

@@ -6,9 +6,10 @@ use anyhit::internals::debug::debugger::{Debugger, StopReason};
 use anyhit::internals::debug::session::{ExplainRequest, Session};
 use anyhit::internals::scene::{DiskFiles, LoadOptions, load};
 
+use crate::curve::Curve;
+use crate::measure::Work;
 use crate::module_writer::Writer;
 use crate::scene_text::{compute_scene, write};
-use crate::{Curve, Work};
 
 /// The curves of the debugger.
 pub fn curves() -> Vec<Curve> {

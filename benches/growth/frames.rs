@@ -1,10 +1,11 @@
 //! Launches and dispatches by the size of the pipeline, of the picture and of paths.
 
 use crate::bounce_shaders;
+use crate::curve::Curve;
 use crate::fit::Growth;
+use crate::measure::Work;
 use crate::scene_text::{SceneText, compute_scene, each, write};
 use crate::seeds::for_each_invocation;
-use crate::{Curve, Work};
 
 const RUN: [&str; 2] = ["run", "scene.toml"];
 const RENDER: [&str; 4] = ["render", "scene.toml", "--output", "picture.png"];

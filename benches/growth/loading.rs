@@ -5,9 +5,10 @@ use std::path::Path;
 use anyhit::LoadedScene;
 
 use crate::cases::textures;
+use crate::curve::Curve;
 use crate::fit::Growth;
+use crate::measure::Work;
 use crate::scene_text::{SceneText, each, sides, write};
-use crate::{Curve, Work};
 
 /// The curves of loading.
 pub fn curves() -> Vec<Curve> {

@@ -13,6 +13,7 @@ mod bounce_shaders;
 mod cases;
 #[path = "../speed/clock.rs"]
 mod clock;
+mod curve;
 mod debugging;
 mod fit;
 mod frames;
@@ -27,165 +28,7 @@ mod seeds;
 mod shapes;
 mod trees;
 
-use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-
-use fit::{Growth, exponent_above_fixed_cost, exponent_of_peaks, slope};
-use measure::{Cost, Work, cost, floor_of_commands};
-
-/// Measurements of one kind of input in four sizes.
-pub(crate) struct Curve {
-    /// Name: what is measured, by what.
-    pub name: &'static str,
-    /// The four sizes.
-    pub sizes: [usize; 4],
-    /// Accepted growth of the time.
-    pub time: Growth,
-    /// Accepted growth of the memory.
-    pub memory: Growth,
-    /// Reason why the time or the memory is known to grow faster: as the square at most.
-    pub known: Option<&'static str>,
-    /// Writes inputs of a size to a folder, which is empty, and returns the work on them.
-    pub prepare: Box<dyn Fn(&Path, usize) -> Work>,
-}
-
-impl Curve {
-    /// A curve whose time and memory are linear.
-    pub fn linear(
-        name: &'static str,
-        sizes: [usize; 4],
-        prepare: impl Fn(&Path, usize) -> Work + 'static,
-    ) -> Self {
-        let (time, memory) = (Growth::Linear, Growth::Linear);
-        Self { name, sizes, time, memory, known: None, prepare: Box::new(prepare) }
-    }
-
-    /// This curve with another accepted growth of the time.
-    pub fn time(self, time: Growth) -> Self {
-        Self { time, ..self }
-    }
-
-    /// This curve with another accepted growth of the memory.
-    pub fn memory(self, memory: Growth) -> Self {
-        Self { memory, ..self }
-    }
-
-    /// This curve with a known reason to grow faster.
-    pub fn known(self, reason: &'static str) -> Self {
-        Self { known: Some(reason), ..self }
-    }
-
-    /// Largest accepted exponents of time and memory.
-    fn limits(&self) -> [f64; 2] {
-        match self.known {
-            Some(_) => [SQUARE; 2],
-            None => [self.time, self.memory].map(Growth::limit),
-        }
-    }
-
-    /// Measures the sizes, or the smallest one once.
-    fn measure(&self, full: bool) -> Measured {
-        let sizes = if full { &self.sizes[..] } else { &self.sizes[..1] };
-        let (mut floor, mut is_command) = (16384.0, false);
-        let mut points = Vec::new();
-        for &size in sizes {
-            let folder = TemporaryFolder::new();
-            let mut work = (self.prepare)(&folder.0, size);
-            if let (true, Work::Command(..)) = (points.is_empty(), &work) {
-                (floor, is_command) = (floor_of_commands(&folder.0), true);
-            }
-            points.push((size, cost(&mut work, &folder.0, !full)));
-        }
-        Measured { points, floor, is_command }
-    }
-}
-
-/// The costs of a curve, by size.
-struct Measured {
-    points: Vec<(usize, Cost)>,
-    /// Bytes below which memory is not that of the input.
-    floor: f64,
-    /// Whether the start of a process is a part of each cost.
-    is_command: bool,
-}
-
-/// Largest accepted exponent of a cost that is known to grow as the square.
-const SQUARE: f64 = 2.15;
-
-impl Measured {
-    /// Exponents of time and memory.
-    fn exponents(&self, curve: &Curve) -> [f64; 2] {
-        let points = |part: fn(&Cost) -> f64| -> Vec<(f64, f64)> {
-            self.points.iter().map(|(n, cost)| (*n as f64, part(cost))).collect()
-        };
-        let times = points(|cost| cost.seconds);
-        let time = match curve.time {
-            Growth::Linear if self.is_command => exponent_above_fixed_cost(&times),
-            _ => slope(&times),
-        };
-        [time, exponent_of_peaks(&points(|cost| cost.bytes), self.floor)]
-    }
-
-    fn is_accepted(&self, curve: &Curve) -> bool {
-        self.exponents(curve).iter().zip(curve.limits()).all(|(exponent, limit)| *exponent <= limit)
-    }
-
-    fn sizes(&self) -> String {
-        self.join(|size, _| size.to_string())
-    }
-
-    fn times(&self) -> String {
-        self.join(|_, cost| match cost.seconds {
-            seconds if seconds < 1e-3 => format!("{:.0} us", seconds * 1e6),
-            seconds if seconds < 0.1 => format!("{:.1} ms", seconds * 1e3),
-            seconds => format!("{:.0} ms", seconds * 1e3),
-        })
-    }
-
-    fn join(&self, text: impl Fn(usize, &Cost) -> String) -> String {
-        self.points.iter().map(|(size, cost)| text(*size, cost)).collect::<Vec<_>>().join(", ")
-    }
-
-    /// A row of the table, as Markdown.
-    fn row(&self, curve: &Curve) -> String {
-        let [time, memory] = self.exponents(curve);
-        let each = self.points.last().map_or(0.0, |(size, cost)| cost.bytes / *size as f64);
-        let each = if each < 10.0 { format!("{each:.1}") } else { format!("{each:.0}") };
-        let verdict = match (self.is_accepted(curve), curve.known) {
-            (false, _) => "NO".to_owned(),
-            (true, None) => "yes".to_owned(),
-            (true, Some(reason)) => format!("no, {reason}"),
-        };
-        let wanted = match curve.time == curve.memory {
-            true => curve.time.name().to_owned(),
-            false => format!("{}, memory {}", curve.time.name(), curve.memory.name()),
-        };
-        format!(
-            "| {} | {} | {} | {each} | {time:.2} | {memory:.2} | {wanted}: {verdict} |",
-            curve.name,
-            self.sizes(),
-            self.times()
-        )
-    }
-}
-
-/// A folder that is removed when it goes out of scope.
-struct TemporaryFolder(PathBuf);
-
-impl TemporaryFolder {
-    fn new() -> Self {
-        let path = std::env::temp_dir().join(format!("anyhit-growth-{}", std::process::id()));
-        let _ = std::fs::remove_dir_all(&path);
-        std::fs::create_dir_all(&path).expect("a temporary folder");
-        Self(path)
-    }
-}
-
-impl Drop for TemporaryFolder {
-    fn drop(&mut self) {
-        let _ = std::fs::remove_dir_all(&self.0);
-    }
-}
 
 /// Further measurements of a curve that is not accepted: machines are noisy.
 const RETRIES: usize = 2;
@@ -217,17 +60,7 @@ fn main() -> ExitCode {
         }
         println!("{}", measured.row(&curve));
         if !measured.is_accepted(&curve) {
-            let [time, memory] = measured.exponents(&curve);
-            failures.push(format!(
-                "{}: exponents {time:.2} of time ({}) and {memory:.2} of memory ({}), sizes {}, times {}, \
-                 bytes {}",
-                curve.name,
-                curve.time.name(),
-                curve.memory.name(),
-                measured.sizes(),
-                measured.times(),
-                measured.join(|_, cost| cost.bytes.to_string())
-            ));
+            failures.push(measured.failure(&curve));
         }
     }
     for failure in &failures {

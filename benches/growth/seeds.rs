@@ -2,9 +2,10 @@
 
 use rspirv::spirv::{BuiltIn, ExecutionModel, Op};
 
+use crate::curve::Curve;
+use crate::measure::Work;
 use crate::module_writer::{Id, Writer};
 use crate::scene_text::{SceneText, compute_scene, write};
-use crate::{Curve, Work};
 
 /// Invocations of a group.
 const GROUP: usize = 64;

@@ -7,8 +7,9 @@ use rspirv::spirv::{ExecutionModel, Op, StorageClass};
 
 use anyhit::internals::{module, program};
 
+use crate::curve::Curve;
+use crate::measure::Work;
 use crate::module_writer::Writer;
-use crate::{Curve, Work};
 
 /// The curves of modules.
 pub fn curves() -> Vec<Curve> {

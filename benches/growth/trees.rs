@@ -9,9 +9,10 @@ use anyhit::internals::accel::{
     TraceRay,
 };
 
+use crate::curve::Curve;
 use crate::fit::Growth;
+use crate::measure::Work;
 use crate::scenes::{self, Random};
-use crate::{Curve, Work};
 
 const SIZES: [usize; 4] = [1 << 11, 1 << 13, 1 << 15, 1 << 17];
 const PICTURE: [u32; 2] = [96, 64];
