@@ -5,6 +5,9 @@ use std::path::{Path, PathBuf};
 use crate::fit::{Growth, exponent_above_fixed_cost, exponent_of_peaks, slope};
 use crate::measure::{Cost, Work, cost, floor_of_commands};
 
+/// Writes inputs of a size to a folder and returns the work on them.
+pub(crate) type Prepare = Box<dyn Fn(&Path, usize) -> Work>;
+
 /// Measurements of one kind of input in four sizes.
 pub(crate) struct Curve {
     /// Name: what is measured, by what.
@@ -18,7 +21,7 @@ pub(crate) struct Curve {
     /// Reason why the time or the memory is known to grow faster: as the square at most.
     pub known: Option<&'static str>,
     /// Writes inputs of a size to a folder, which is empty, and returns the work on them.
-    pub prepare: Box<dyn Fn(&Path, usize) -> Work>,
+    pub prepare: Prepare,
 }
 
 impl Curve {

@@ -104,7 +104,7 @@ fn glb(n: usize) -> Vec<u8> {
     let mut bytes: Vec<u8> = positions.iter().flat_map(|x| x.to_le_bytes()).collect();
     let split = bytes.len();
     bytes.extend(indices.iter().flat_map(|x| x.to_le_bytes()));
-    let (low, high) = ([0.0, 0.0, -1.0], [((n + 1) / 2) as f32 * 0.01, 1.0, 1.0]);
+    let (low, high) = ([0.0, 0.0, -1.0], [n.div_ceil(2) as f32 * 0.01, 1.0, 1.0]);
     let mut json = format!(
         r#"{{"asset":{{"version":"2.0"}},"scene":0,"scenes":[{{"nodes":[0]}}],"nodes":[{{"mesh":0}}],
 "meshes":[{{"primitives":[{{"attributes":{{"POSITION":0}},"indices":1}}]}}],
