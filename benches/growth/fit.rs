@@ -3,7 +3,7 @@
 /// How a cost may grow with the size.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Growth {
-    /// The same for every size.
+    /// Independent of the size.
     Constant,
     /// In proportion to the logarithm of the size.
     Logarithmic,
@@ -35,8 +35,8 @@ impl Growth {
 /// of the growth since the smallest size, by the growth of the size. It is 1 for a + b n, whatever
 /// a is.
 ///
-/// A growth below a quarter of the smallest cost is not distinct from noise and is omitted; if fewer
-/// than two points remain, the exponent is the slope of the costs themselves.
+/// A growth below a quarter of the smallest cost is not distinct from noise and is omitted; if
+/// fewer than two points remain, the exponent is the slope of the costs themselves.
 pub fn exponent_above_fixed_cost(points: &[(f64, f64)]) -> f64 {
     let [(size, cost), rest @ ..] = points else { return 0.0 };
     let grown = rest.iter().map(|(n, c)| (n - size, c - cost));
