@@ -1,4 +1,5 @@
-//! What going back costs: an invocation of some 10^8 steps is run to its end, and gone back in.
+//! What running on and going back cost: an invocation of some 10^8 steps is run to its end, and gone
+//! back in; so is one of a workgroup of 64, each of which makes 10^6 turns of a loop.
 //!
 //! `cargo bench --bench debugger` prints how long each takes (`docs/debugging.md`). Without
 //! `--bench` (`cargo test --benches`) every row runs once over few steps.
@@ -12,31 +13,37 @@ use anyhit::internals::debug::debugger::{Breakpoint, BreakpointPlace, Debugger, 
 use anyhit::internals::debug::session::{ExplainRequest, Session};
 use anyhit::internals::scene::{DiskFiles, LoadOptions, load};
 
-const SOURCE: &str = "shaders/pass/debugger/long/main.comp";
+const LONG: &str = "shaders/pass/debugger/long/main.comp";
+const WORKGROUP: &str = "shaders/pass/debugger/workgroup/main.comp";
 
 fn main() {
     let full = std::env::args().any(|argument| argument == "--bench");
-    let scene = if full { "tests/debugger/long.toml" } else { "shaders/pass/debugger/long/scene.toml" };
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(scene);
-    let scene = load(&path, &DiskFiles, &LoadOptions::default()).expect("a scene");
-    let session = Session::new(scene).expect("valid shaders");
-    let request = ExplainRequest::Invocation { dispatch: 0, id: [0; 3] };
-    let mut debugger = Debugger::of_scene(&session, &request).expect("such an invocation");
-    debugger.begin();
-    let (mut text, mut debugger) = (String::new(), debugger);
+    let begun = |name: &str| {
+        let scene = match full {
+            true => format!("tests/debugger/{name}.toml"),
+            false => format!("shaders/pass/debugger/{name}/scene.toml"),
+        };
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(scene);
+        let scene = load(&path, &DiskFiles, &LoadOptions::default()).expect("a scene");
+        let session = Session::new(scene).expect("valid shaders");
+        let request = ExplainRequest::Invocation { dispatch: 0, id: [0; 3] };
+        let mut debugger = Debugger::of_scene(&session, &request).expect("such an invocation");
+        debugger.begin();
+        debugger
+    };
+    let mut text = String::new();
     let mut row = |name: &str, debugger: &mut Debugger, act: &mut dyn FnMut(&mut Debugger) -> StopReason| {
         let begin = Instant::now();
         let stop = act(debugger);
         let seconds = begin.elapsed().as_secs_f64();
         text += &format!("{name:44} {seconds:8.3} s  at step {:>11}  {stop:?}\n", debugger.time());
     };
+    let mut debugger = begun("long");
     row("run to the end", &mut debugger, &mut Debugger::resume);
     row("back over the last line", &mut debugger, &mut |it| it.step_back(Stepping::Over));
     row("back over a line of the loop", &mut debugger, &mut |it| it.step_back(Stepping::Over));
     // The line before the loop: a breakpoint that all turns lie before.
-    let id = debugger.new_breakpoint_id();
-    let place = BreakpointPlace::Line { file: SOURCE.to_owned(), line: 11 };
-    debugger.set_breakpoints(vec![Breakpoint::new(id, place)]);
+    break_at(&mut debugger, LONG, 11);
     row("back to a breakpoint before the loop", &mut debugger, &mut Debugger::resume_back);
     row("to the middle", &mut debugger, &mut |it| {
         it.seek(50_000_000);
@@ -46,5 +53,19 @@ fn main() {
         it.seek(0);
         StopReason::Beginning
     });
+    let mut debugger = begun("workgroup");
+    row("a workgroup of 64: run to the end", &mut debugger, &mut Debugger::resume);
+    row("a workgroup of 64: back over the last line", &mut debugger, &mut |it| it.step_back(Stepping::Over));
+    // The line after `if (turns == 0u)`, which nothing reaches.
+    let mut debugger = begun("workgroup");
+    break_at(&mut debugger, WORKGROUP, 24);
+    row("the same with a breakpoint that is not hit", &mut debugger, &mut Debugger::resume);
     print!("{text}");
+}
+
+/// Sets a breakpoint at a line, and no other.
+fn break_at(debugger: &mut Debugger, file: &str, line: u32) {
+    let id = debugger.new_breakpoint_id();
+    let place = BreakpointPlace::Line { file: file.to_owned(), line };
+    debugger.set_breakpoints(vec![Breakpoint::new(id, place)]);
 }

@@ -26,7 +26,7 @@ use crate::program::race_analysis::{self, LaunchExtent, Memory};
 use crate::program::{Program, WorkgroupLayout};
 
 pub use invocation::{ObservedInvocation, RunPart};
-pub use stepping::{DispatchState, SteppedDispatch};
+pub use stepping::{Company, DispatchState, SteppedDispatch};
 
 /// A compute shader (`VkComputePipelineCreateInfo`), ready to be dispatched.
 ///
@@ -288,7 +288,7 @@ impl Compute {
     }
 
     /// Invocations of a workgroup.
-    fn group_size(&self) -> u64 {
+    pub fn group_size(&self) -> u64 {
         self.layout.size.iter().map(|&side| u64::from(side)).product()
     }
 
@@ -447,6 +447,16 @@ impl Compute {
     /// every batch width.
     pub fn shared_memory(&self, groups: [u32; 3], resources: &Resources) -> Option<Memory> {
         LaunchExtent { count: groups, local: self.layout.size, resources }.shared(&[&*self.program])
+    }
+
+    /// Whether the invocations of a workgroup may share batches in any way without a change of the
+    /// results.
+    pub fn is_free_of_order(&self, groups: [u32; 3], resources: &Resources) -> bool {
+        !self.program.uses_subgroups
+            && !self.program.order_dependent
+            && !self.mixes_atomics
+            && self.layout.derivatives.is_none()
+            && self.shared_memory(groups, resources).is_none()
     }
 
     /// Runs one invocation after the other under an observer, in the order of the workgroups, on

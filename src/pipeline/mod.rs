@@ -45,7 +45,7 @@ use crate::program::Program;
 use crate::program::race_analysis::{LaunchExtent, Memory};
 
 pub use bands::{Band, BandedLaunch, NotStreamed, StreamedImage};
-pub use compute::{Compute, DispatchState, ObservedInvocation, RunPart, SteppedDispatch};
+pub use compute::{Company, Compute, DispatchState, ObservedInvocation, RunPart, SteppedDispatch};
 pub use device::{DeviceFeatures, DeviceLimits, DeviceProfile};
 pub use flags::PipelineFlags;
 pub use group::{Group, HitGroup};

@@ -47,6 +47,10 @@ struct WorkgroupBatch<const W: usize> {
     next: SmallVec<[WaitingLanes<W>; 1]>,
     /// The lanes that run, or would if the observer had not paused them.
     running: Mask<W>,
+    /// The positions of its invocations among those of all batches, in the order of its lanes.
+    positions: Range<usize>,
+    /// Whether it runs as if there were no observer.
+    is_unobserved: bool,
 }
 
 /// What a round of the batches came to.
@@ -81,6 +85,12 @@ impl<const W: usize> WorkgroupState<W> {
     /// The batch that runs, or is the next to run.
     pub(super) fn current_mut(&mut self) -> Option<&mut Batch<W>> {
         Some(&mut self.batches.get_mut(self.at)?.batch)
+    }
+
+    /// The batch, by its number, and the lane of the invocation at a position among those of all.
+    fn place(&self, position: usize) -> (usize, usize) {
+        let number = self.batches.partition_point(|member| member.positions.end <= position);
+        (number, position - self.batches[number].positions.start)
     }
 }
 
@@ -156,14 +166,41 @@ where
             trapped_group: 0,
         };
         let mut runner = Self::resumed(program, limits, bindings, layout, watch, state);
-        let batches = (0..(runner.group_size * runner.concurrent).div_ceil(W)).map(|_| {
-            let mut batch = program.batch();
-            batch.watch = Some(watch.clone());
-            let (waiting, next) = (SmallVec::new(), SmallVec::new());
-            WorkgroupBatch { batch, waiting, next, running: Mask::NONE }
-        });
-        runner.state.batches = batches.collect();
+        let count = runner.group_size * runner.concurrent;
+        runner.state.batches = runner.batches_of(0..count).collect();
         runner
+    }
+
+    /// A runner of one workgroup in which an observer follows the invocation at a position only:
+    /// batches without it are not observed. With `alone`, it has a batch of its own.
+    pub(super) fn following(self, position: usize, alone: bool) -> Self {
+        let mut batches: Vec<_> = match alone {
+            false => self.batches_of(0..self.group_size).collect(),
+            true => {
+                let parts = [0..position, position..position + 1, position + 1..self.group_size];
+                parts.into_iter().flat_map(|part| self.batches_of(part)).collect()
+            }
+        };
+        for member in &mut batches {
+            member.is_unobserved = !member.positions.contains(&position);
+        }
+        Self { state: WorkgroupState { batches, ..self.state }, ..self }
+    }
+
+    /// Batches of the invocations at some positions.
+    fn batches_of(&self, positions: Range<usize>) -> impl Iterator<Item = WorkgroupBatch<W>> {
+        positions.clone().step_by(W).map(move |first| {
+            let mut batch = self.program.batch();
+            batch.watch = Some(self.watch.clone());
+            WorkgroupBatch {
+                batch,
+                waiting: SmallVec::new(),
+                next: SmallVec::new(),
+                running: Mask::NONE,
+                positions: first..positions.end.min(first + W),
+                is_unobserved: false,
+            }
+        })
     }
 
     /// A runner that goes on with a state.
@@ -255,8 +292,9 @@ where
     /// Lets ray queries record what observers are told.
     fn record_queries<O>(&mut self, observers: &Observers<'_, O>) {
         for member in &mut self.state.batches {
-            member.batch.queries.events = observers.on_event.is_some().then(Vec::new);
-            member.batch.queries.records_traversal = observers.traversal;
+            let is_recorded = observers.on_event.is_some() && !member.is_unobserved;
+            member.batch.queries.events = is_recorded.then(Vec::new);
+            member.batch.queries.records_traversal = observers.traversal && !member.is_unobserved;
         }
     }
 
@@ -267,26 +305,25 @@ where
 
     fn begin<O: Observer<W>>(&mut self, groups: &[Arc<Workgroup>], observers: &mut Observers<'_, O>) {
         let used = groups.len() * self.group_size;
-        for (at, member) in self.state.batches.iter_mut().enumerate() {
+        for member in &mut self.state.batches {
             member.waiting.clear();
-            let lanes = used.saturating_sub(at * W).min(W);
+            let positions = member.positions.start..member.positions.end.min(used);
             let invocations = &mut member.batch.invocations;
             let Workgroup { count, size, .. } = &*groups[0];
             let launch_size = array::from_fn(|axis| count[axis] * size[axis]);
             invocations.begin_workgroups(launch_size, self.limits.subgroup_size);
-            for lane in 0..lanes {
-                let position = at * W + lane;
+            for (lane, position) in positions.clone().enumerate() {
                 let group = &groups[position / self.group_size];
                 let place = (position % self.group_size) as u32;
                 let drawn = self.places.as_ref().map_or(place, |places| places.at(place.into()) as u32);
                 invocations.set_in_workgroup(lane, group, self.layout.index_of(drawn), place);
             }
-            if lanes == 0 {
+            if positions.is_empty() {
                 continue;
             }
-            let mask = Mask::first(lanes);
+            let mask = Mask::first(positions.len());
             self.program.begin(&mut member.batch, mask, self.limits.fuel);
-            if O::is_active() {
+            if O::is_active() && !member.is_unobserved {
                 observers.observer.began(ShaderIndex(0), &mut member.batch);
             }
             self.watch.charge(u64::from(self.program.entry_cost()) * u64::from(mask.count()));
@@ -310,7 +347,11 @@ where
                 }
                 member.next = std::mem::take(&mut member.waiting);
             }
-            if !member.run(self.program, self.bindings, observers) {
+            let has_run = match O::is_active() && member.is_unobserved {
+                true => member.run(self.program, self.bindings, &mut Observers::none()),
+                false => member.run(self.program, self.bindings, observers),
+            };
+            if !has_run {
                 return Round::Paused;
             }
             self.state.at += 1;
@@ -334,7 +375,11 @@ where
     /// otherwise traps and ends the workgroup.
     fn resolve_barrier(&mut self, group: usize, workgroup: &Workgroup) {
         let positions = self.positions(group);
-        let traps = positions.clone().filter_map(|at| match self.state.batches[at / W].batch.exits[at % W] {
+        let exit = |at: usize| {
+            let (number, lane) = self.state.place(at);
+            self.state.batches[number].batch.exits[lane]
+        };
+        let traps = positions.clone().filter_map(|at| match exit(at) {
             Exit::Trapped(trap) => Some((at, trap)),
             _ => None,
         });
@@ -348,12 +393,14 @@ where
             return self.end(positions);
         }
         let barrier = |at: usize| {
-            let waiting = &self.state.batches[at / W].waiting;
-            waiting.iter().find(|waiting| waiting.mask.contains(at % W))?.op.previous()
+            let (number, lane) = self.state.place(at);
+            let waiting = &self.state.batches[number].waiting;
+            waiting.iter().find(|waiting| waiting.mask.contains(lane))?.op.previous()
         };
         let Some(first) = positions.clone().find(|&at| barrier(at).is_some()) else { return };
         let Some(other) = positions.clone().find(|&at| barrier(at) != barrier(first)) else { return };
-        let local_index = self.state.batches[other / W].batch.invocations.local_index(other % W);
+        let (number, lane) = self.state.place(other);
+        let local_index = self.state.batches[number].batch.invocations.local_index(lane);
         let [x, y, z] = workgroup.local_id(local_index);
         let note = match barrier(other) {
             None => format!("local invocation ({x}, {y}, {z}) ended without reaching it"),
@@ -370,10 +417,11 @@ where
     /// Ends all invocations of a workgroup.
     fn end(&mut self, positions: Range<usize>) {
         for at in positions {
-            let member = &mut self.state.batches[at / W];
-            member.batch.exit(Mask::lane(at % W), Exit::Returned);
+            let (number, lane) = self.state.place(at);
+            let member = &mut self.state.batches[number];
+            member.batch.exit(Mask::lane(lane), Exit::Returned);
             for waiting in &mut member.waiting {
-                waiting.mask = waiting.mask.without(Mask::lane(at % W));
+                waiting.mask = waiting.mask.without(Mask::lane(lane));
             }
             member.waiting.retain(|waiting| !waiting.mask.is_empty());
         }
@@ -385,12 +433,13 @@ where
             return;
         }
         self.state.trapped_group = workgroup.index();
-        let batch = &self.state.batches[at / W].batch;
-        let (lane, invocations) = (at % W, &batch.invocations);
+        let (number, lane) = self.state.place(at);
+        let batch = &self.state.batches[number].batch;
+        let invocations = &batch.invocations;
         let local = workgroup.local_id(invocations.local_index(lane));
         let ids = [workgroup.id, local, invocations.launch_id(lane)];
         let [group, local, global] = ids.map(|[x, y, z]| format!("({x}, {y}, {z})"));
-        let mut error: Error = trap_error(ShaderIndex(0), self.program, &[], batch, at % W, trap);
+        let mut error: Error = trap_error(ShaderIndex(0), self.program, &[], batch, lane, trap);
         if let Some(note) = note {
             error = error.note(note);
         }

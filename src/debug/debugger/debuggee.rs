@@ -10,7 +10,7 @@ use crate::machine::ray_query::RayQuery;
 use crate::machine::{Batch, Bindings, BlockIndex, Buffer, Lanes, Mask, OpIndex, Reg, ShaderIndex};
 use crate::ops::builtin::{Builtin, stage_letter};
 use crate::ops::lane_kernel::{LaneKernel, Width};
-use crate::pipeline::{ActiveShader, Event, LaunchState, Resumed, SteppedDispatch, SteppedLaunch};
+use crate::pipeline::{ActiveShader, Company, Event, LaunchState, Resumed, SteppedDispatch, SteppedLaunch};
 use crate::program::Program;
 
 use super::tracker::{Followed, Tracker};
@@ -310,7 +310,8 @@ where
     }
 
     fn lanes(&self) -> Vec<DebuggedLane> {
-        let Some(batch) = self.batch().filter(|_| W > 1) else { return Vec::new() };
+        let shares = W > 1 && self.company() != Company::Alone;
+        let Some(batch) = self.batch().filter(|_| shares) else { return Vec::new() };
         let lane = |lane: usize| {
             let launch_id = batch.invocations.launch_id(lane);
             let activity = lane_activity(batch, lane);

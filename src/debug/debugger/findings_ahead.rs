@@ -155,7 +155,7 @@ impl FindingsAhead {
 impl Debugger {
     /// A run under the sanitizer, which tells what is met at which step.
     fn sanitized(session: &Session, request: &ExplainRequest, levels: &Levels) -> Result<Self> {
-        let mut run = Self::of_scene(session, request)?;
+        let mut run = Self::observing_all(session, request)?;
         let assembled = session.assembled();
         let (number, is_launch) = match session.invocation(request)? {
             Some((dispatch, _)) => {

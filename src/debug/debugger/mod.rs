@@ -8,6 +8,8 @@
 
 mod backwards;
 mod breakpoint;
+#[cfg(test)]
+mod company_tests;
 mod condition;
 mod course;
 pub mod debuggee;

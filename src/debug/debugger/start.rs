@@ -9,11 +9,15 @@ use crate::debug::transcript::ShaderLabel;
 use crate::error::Result;
 use crate::machine::Resources;
 use crate::ops::lane_kernel::{LaneKernel, Width};
-use crate::pipeline::{Compute, Pipeline, SteppedDispatch, SteppedLaunch};
+use crate::pipeline::{Company, Compute, Pipeline, SteppedDispatch, SteppedLaunch};
 
 use super::Debugger;
 use super::debuggee::Debuggee;
 use super::memory_state::ChangingMemory;
+
+/// Invocations of a workgroup from which on those that are not followed share batches: of fewer,
+/// the registers of a checkpoint would take more memory than they save time.
+const SHARING_GROUP: u64 = 32;
 
 impl Debugger {
     /// Calls a function, and puts back what the memory of a scene held before.
@@ -35,6 +39,14 @@ impl Debugger {
         Self::of_shaders(session, request, &|_| true)
     }
 
+    /// [`Debugger::of_scene`] whose workgroup is observed as a whole, invocation by invocation.
+    pub(super) fn observing_all(session: &Session, request: &ExplainRequest) -> Result<Self> {
+        match session.invocation(request)? {
+            Some((dispatch, id)) => Self::of_dispatch(session, dispatch, id, Some(Company::Observed)),
+            None => Self::of_scene(session, request),
+        }
+    }
+
     /// [`Debugger::of_scene`] of an invocation or ray that is known to run only some of the shaders
     /// of its pipeline: nothing can be told of the variables of others.
     ///
@@ -46,7 +58,7 @@ impl Debugger {
         runs: &dyn Fn(&ShaderLabel) -> bool,
     ) -> Result<Self> {
         if let Some((dispatch, id)) = session.invocation(request)? {
-            return Self::of_dispatch(session, dispatch, id);
+            return Self::of_dispatch(session, dispatch, id, None);
         }
         let (_, request) = session.resolve(request)?;
         let all = &session.assembled.resources;
@@ -75,11 +87,17 @@ impl Debugger {
         Ok(Self::with(debuggee, pipeline, &resources))
     }
 
-    fn of_dispatch(session: &Session, number: usize, id: [u32; 3]) -> Result<Self> {
+    pub(super) fn of_dispatch(
+        session: &Session,
+        number: usize,
+        id: [u32; 3],
+        company: Option<Company>,
+    ) -> Result<Self> {
         let dispatch = session.dispatch(number)?;
         let (_, pass) = session.run_before_dispatch(number)?;
         let resources = session.assembled.pass_resources(pass, &session.assembled.resources).into_owned();
-        Self::of_compute(&dispatch.compute, &resources, dispatch.groups(&resources), id)
+        let groups = dispatch.groups(&resources);
+        Self::of_compute_in(&dispatch.compute, &resources, groups, id, company)
     }
 
     /// Debugs an invocation of a compute shader, given by its `GlobalInvocationId`, which has not
@@ -93,15 +111,29 @@ impl Debugger {
         groups: [u32; 3],
         id: [u32; 3],
     ) -> Result<Self> {
+        Self::of_compute_in(compute, resources, groups, id, None)
+    }
+
+    /// [`Debugger::of_compute`] of an invocation in the company that is given, if one is.
+    pub(super) fn of_compute_in(
+        compute: &Compute,
+        resources: &Resources,
+        groups: [u32; 3],
+        id: [u32; 3],
+        company: Option<Company>,
+    ) -> Result<Self> {
         let compute = compute.unoptimized()?;
+        let company = company.unwrap_or_else(|| company_in(&compute, resources, groups));
         let mut builder = Pipeline::builder();
         builder.shader(compute.program.clone());
         let pipeline = Arc::new(builder.build()?);
         let subgroup = compute.program.uses_subgroups.then_some(compute.subgroup_size);
-        let debuggee: Box<dyn Debuggee> = match subgroup {
-            None | Some(1) => Box::new(SteppedDispatch::<1>::new(compute, resources, groups, id)?),
-            Some(..=64) => Box::new(SteppedDispatch::<64>::new(compute, resources, groups, id)?),
-            Some(_) => Box::new(SteppedDispatch::<128>::new(compute, resources, groups, id)?),
+        let debuggee = match subgroup {
+            None | Some(1) if company != Company::Alone => {
+                of_invocation_of_group::<1>(compute, resources, groups, id, company)?
+            }
+            None | Some(..=64) => of_invocation_of_group::<64>(compute, resources, groups, id, company)?,
+            Some(_) => of_invocation_of_group::<128>(compute, resources, groups, id, company)?,
         };
         Ok(Self::with(debuggee, pipeline, resources))
     }
@@ -128,4 +160,26 @@ where
     LaneKernel: Width<W>,
 {
     Ok(Box::new(SteppedLaunch::<W>::of_invocation(pipeline.clone(), resources, id, size)?))
+}
+
+/// The company in which an invocation of a compute shader is debugged.
+pub(super) fn company_in(compute: &Compute, resources: &Resources, groups: [u32; 3]) -> Company {
+    match compute.group_size() >= SHARING_GROUP && compute.is_free_of_order(groups, resources) {
+        true => Company::Alone,
+        false => Company::Batch,
+    }
+}
+
+/// An invocation of a compute shader in batches of a width.
+fn of_invocation_of_group<const W: usize>(
+    compute: Compute,
+    resources: &Resources,
+    groups: [u32; 3],
+    id: [u32; 3],
+    company: Company,
+) -> Result<Box<dyn Debuggee>>
+where
+    LaneKernel: Width<W>,
+{
+    Ok(Box::new(SteppedDispatch::<W>::new(compute, resources, groups, id, company)?))
 }

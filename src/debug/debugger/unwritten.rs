@@ -127,11 +127,14 @@ impl UnwrittenRegisters {
             self.begin(first, count);
             return;
         }
+        // Nearly all writes of variables are moves of one word.
+        if let Op::Memory(MemoryOp::Move { to, from } | MemoryOp::MoveMasked { to, from }) = *op {
+            self.write(to, 1);
+            self.copy(to, from, 1);
+            return;
+        }
         written_registers(op, register, &mut |first, count| self.write(first, count));
         match *op {
-            Op::Memory(MemoryOp::Move { to, from } | MemoryOp::MoveMasked { to, from }) => {
-                self.copy(to, from, 1);
-            }
             Op::Memory(MemoryOp::Gather { to, count, first, index }) => {
                 let index = register(index);
                 if index != OUT_OF_BOUNDS {

@@ -20,7 +20,7 @@ use crate::ops::image::reader::LaneReader;
 use crate::ops::image::texel_ref::TexelRef;
 use crate::ops::memory::{BufferRef, Chunk, MemoryOp, access_location};
 use crate::ops::op::Op;
-use crate::pipeline::{Event, Launch, PipelineObserver, SteppedDispatch};
+use crate::pipeline::{Company, Event, Launch, PipelineObserver, SteppedDispatch};
 use crate::program::Program;
 use crate::program::struct_lookup::{DataBlock, find_block};
 use crate::scene::file::RayEntry;
@@ -298,6 +298,7 @@ impl<'a> Search<'a> {
                     &resources,
                     dispatch.groups(&resources),
                     id,
+                    Company::Observed,
                 );
                 stepped.ok()?.resume(&mut finder, &mut |_| ());
                 self.take(number, finder);

@@ -5,6 +5,7 @@ use std::sync::atomic::Ordering::Relaxed;
 
 use crate::error::Result;
 use crate::machine::{Batch, Bindings, Observer, Resources, TaskWatch, Watchdog, Workgroup};
+use crate::math::array;
 use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::pipeline::Trapped;
 use crate::pipeline::compute::Compute;
@@ -21,8 +22,23 @@ pub struct SteppedDispatch<const W: usize> {
     group: Arc<Workgroup>,
     id: [u32; 3],
     watch: Arc<TaskWatch>,
+    /// The place of the invocation in its workgroup.
+    place: usize,
+    company: Company,
     state: Option<WorkgroupState<W>>,
     ended: bool,
+}
+
+/// The company in which a stepped invocation runs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Company {
+    /// The observer observes all of its workgroup.
+    Observed,
+    /// The observer observes its batch only.
+    Batch,
+    /// It has a batch of its own, which alone is observed; the others of its workgroup share
+    /// batches. Results are the same where those need not run one after the other.
+    Alone,
 }
 
 /// Everything about a [`SteppedDispatch`] that changes while it runs, but for the memory that its
@@ -43,13 +59,22 @@ where
     ///
     /// # Errors
     /// `InvalidArgument` for an invocation outside the dispatch.
-    pub fn new(compute: Compute, resources: &Resources, groups: [u32; 3], id: [u32; 3]) -> Result<Self> {
+    pub fn new(
+        compute: Compute,
+        resources: &Resources,
+        groups: [u32; 3],
+        id: [u32; 3],
+        company: Company,
+    ) -> Result<Self> {
         compute.check_invocation(groups, id)?;
         let bindings = resources.bindings(compute.program.bindings());
         let group = Arc::new(compute.group(compute.group_of(groups, id), groups));
         let watch = Watchdog::new(compute.launch_limits, compute.group_size()).watch();
         watch.begin_task(compute.group_size());
-        Ok(Self { compute, bindings, group, id, watch, state: None, ended: false })
+        let local: [u32; 3] = array::from_fn(|axis| id[axis] % group.size[axis]);
+        let is_it = |place: &u32| group.local_id(compute.layout.index_of(*place)) == local;
+        let place = (0..compute.group_size() as u32).find(is_it).unwrap_or(0) as usize;
+        Ok(Self { compute, bindings, group, id, watch, place, company, state: None, ended: false })
     }
 
     /// Runs from where it stands until the observer pauses it or the whole workgroup has run.
@@ -68,6 +93,9 @@ where
             None => {
                 let mut runner =
                     WorkgroupRunner::<W>::new(program, limits, &self.bindings, layout, &self.watch);
+                if self.company != Company::Observed {
+                    runner = runner.following(self.place, self.company == Company::Alone);
+                }
                 runner.begin_one(&self.group, &mut observers);
                 runner
             }
@@ -78,6 +106,11 @@ where
             true => Resumed::Ended,
             false => Resumed::Paused,
         }
+    }
+
+    /// The company in which the invocation runs.
+    pub fn company(&self) -> Company {
+        self.company
     }
 
     /// `GlobalInvocationId` of the invocation.
