@@ -127,6 +127,28 @@ fn each_step_is_the_same_after_continuing_as_when_it_is_stepped_to() {
     }
 }
 
+/// Behind what five others and what all others did before the barrier, a checkpoint is due; time
+/// alone asks for none here.
+#[test]
+fn others_that_worked_for_long_need_not_run_again() {
+    let commands = ["continue", "where", "rstep", "where", "who random", "where", "begin", "locals"];
+    let mut debugger = turning(6000, 5, None);
+    debugger.history.keep_no_more();
+    debugger.history.work_interval = 1000;
+    debugger.begin();
+    assert!(matches!(debugger.resume(), StopReason::End));
+    assert_eq!(debugger.history.segments(), 3);
+    let times = [0, 1, 2].map(|number| debugger.history.segment(number).0.course.time);
+    assert_eq!(times[..2], [0, 0]);
+    debugger.seek(times[2]);
+    let (file, line) = ("shaders/pass/debugger/workgroup/main.comp", 36);
+    let position = debugger.stack()[0].position.unwrap();
+    assert_eq!(debugger.sources().describe(position), format!("{file}:{line}"));
+    debugger.seek(0);
+    let again = transcript(debugger, &commands);
+    assert_eq!(again, transcript(turning(6000, 5, None), &commands));
+}
+
 /// Of the second workgroup 36 invocations come to the barrier, and 28 return before it.
 #[test]
 fn a_trap_of_the_workgroup_is_the_same_in_any_company() {

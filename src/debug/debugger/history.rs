@@ -10,6 +10,9 @@ use super::segment_summary::SegmentSummary;
 const MOST_CHECKPOINTS: usize = 128;
 /// How many steps are between two checkpoints at first.
 const FIRST_INTERVAL: Time = 20_000;
+/// How many instructions others of the workgroup execute between two steps, at first, for a
+/// checkpoint to be behind them.
+const FIRST_WORK_INTERVAL: u64 = 1 << 24;
 
 /// A state at a time.
 pub(super) struct Checkpoint {
@@ -27,6 +30,8 @@ pub(super) struct Checkpoint {
 pub(super) struct History {
     checkpoints: Vec<(Checkpoint, SegmentSummary)>,
     interval: Time,
+    /// The instructions of others behind which a checkpoint is due, whatever the time.
+    pub work_interval: u64,
     /// The time up to which the invocation has run once.
     pub frontier: Time,
 }
@@ -35,17 +40,18 @@ impl History {
     /// A history that begins with a state at time 0.
     pub(super) fn new(beginning: Checkpoint) -> Self {
         let checkpoints = vec![(beginning, SegmentSummary::default())];
-        Self { checkpoints, interval: FIRST_INTERVAL, frontier: 0 }
+        Self { checkpoints, interval: FIRST_INTERVAL, work_interval: FIRST_WORK_INTERVAL, frontier: 0 }
     }
 
     /// Keeps no more checkpoints: nobody goes back.
     pub(super) fn keep_no_more(&mut self) {
         self.interval = Time::MAX / 2;
+        self.work_interval = u64::MAX;
     }
 
     /// When the next checkpoint is due.
     pub(super) fn next_due(&self) -> Time {
-        self.last().course.time + self.interval
+        self.last().course.time.saturating_add(self.interval)
     }
 
     /// The latest checkpoint.
@@ -70,7 +76,8 @@ impl History {
 
     /// Drops every other checkpoint, and takes half as many from now on.
     fn thin_out(&mut self) {
-        self.interval *= 2;
+        self.interval = self.interval.saturating_mul(2);
+        self.work_interval = self.work_interval.saturating_mul(2);
         let mut kept: Vec<(Checkpoint, SegmentSummary)> = Vec::new();
         for (at, (checkpoint, summary)) in self.checkpoints.drain(..).enumerate() {
             match kept.last_mut() {

@@ -66,7 +66,7 @@ use edits::Edit;
 use history::{Checkpoint, History};
 use memory_state::ChangingMemory;
 use sanitized_steps::{SanitizedSteps, Sanitizing};
-use tracker::{Followed, Tracker};
+use tracker::{Followed, OthersWork, Tracker};
 use words_then::RegistersNow;
 
 pub use breakpoint::{Breakpoint, BreakpointId, BreakpointPlace, BreakpointTable, TraversalFilter};
@@ -385,7 +385,7 @@ impl Debugger {
             let chunk = chunk.min(conditions.next_look(self.course.time));
             conditions.until = until.min(chunk).min(edit.unwrap_or(Time::MAX));
             conditions.met.clear();
-            let resumed = self.run_once(conditions, is_new);
+            let (resumed, is_due) = self.run_once(conditions, is_new);
             if is_new {
                 self.history.frontier = self.course.time;
             }
@@ -395,7 +395,7 @@ impl Debugger {
             if edit == Some(self.course.time) {
                 self.restore_segment(self.history.segment_at(self.course.time));
             }
-            if is_new && self.course.time >= self.history.next_due() {
+            if is_new && (is_due || self.course.time >= self.history.next_due()) {
                 let checkpoint = self.checkpoint(false);
                 self.history.push(checkpoint);
             }
@@ -406,8 +406,11 @@ impl Debugger {
         }
     }
 
-    fn run_once(&mut self, conditions: &mut StopConditions, is_new: bool) -> Resumed {
+    /// Runs on until conditions are met or everything has run. Returns also whether others of the
+    /// workgroup have worked for so long that a checkpoint is due.
+    fn run_once(&mut self, conditions: &mut StopConditions, is_new: bool) -> (Resumed, bool) {
         let inbox = RefCell::new(Vec::new());
+        let (limit, has_begun) = (self.history.work_interval, self.course.begun > 0);
         let summary = is_new.then(|| self.history.open_summary());
         let followed = self.debuggee.followed();
         let mut tracker =
@@ -416,9 +419,12 @@ impl Debugger {
         tracker.sanitized =
             self.sanitizing.as_ref().zip(sanitizer).map(|(with, sanitizer)| with.looking(sanitizer));
         tracker.prints = (is_new && self.prints).then(Vec::new);
+        let others = OthersWork { limit, before: (!has_begun).then_some(0), is_long: false };
+        tracker.others = is_new.then_some(others);
         let resumed = self.debuggee.resume(&mut tracker, &inbox);
         let sanitizer = tracker.sanitized.take().map(SanitizedSteps::paused);
         let prints = tracker.prints.take().unwrap_or_default();
+        let is_due = tracker.others.is_some_and(|others| others.is_long);
         if let Some(sanitizing) = &mut self.sanitizing {
             sanitizing.keep(sanitizer);
         }
@@ -433,7 +439,7 @@ impl Debugger {
             };
             self.add_printed(printed.into_iter().filter(is_own).collect(), prints, time);
         }
-        resumed
+        (resumed, is_due)
     }
 
     fn checkpoint(&self, is_edited: bool) -> Checkpoint {

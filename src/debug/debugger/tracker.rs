@@ -52,8 +52,21 @@ pub struct Tracker<'a> {
     pub(super) sanitized: Option<SanitizedSteps<'a>>,
     /// Where invocations print, where that is noted.
     pub(super) prints: Option<Vec<Print>>,
+    /// What others of the workgroup do while the invocation waits, where that is measured.
+    pub(super) others: Option<OthersWork>,
     shader: ShaderIndex,
     lane: Option<usize>,
+}
+
+/// The work of others between two steps of the invocation that is followed.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct OthersWork {
+    /// The instructions of others after which the run is paused.
+    pub limit: u64,
+    /// The instructions of the whole workgroup up to where the invocation stopped last.
+    pub before: Option<u64>,
+    /// Whether others have executed so many.
+    pub is_long: bool,
 }
 
 /// An invocation has printed a text.
@@ -96,6 +109,7 @@ impl<'a> Tracker<'a> {
             summary,
             sanitized: None,
             prints: None,
+            others: None,
             shader: ShaderIndex(0),
             lane: None,
         }
@@ -242,10 +256,27 @@ impl<'a> Tracker<'a> {
         }
     }
 
+    /// The invocation goes on. Pauses it at its next step if others have worked for long, as
+    /// nobody wants to run them again: a checkpoint is due.
+    fn look_at_others<const W: usize>(&mut self, batch: &Batch<W>) {
+        let Some(others) = self.others.as_mut().filter(|_| self.lane.is_some()) else { return };
+        let now = work(batch);
+        if others.before.is_some_and(|before| now.saturating_sub(before) >= others.limit) {
+            others.is_long = true;
+            self.conditions.until = self.course.time;
+        }
+        others.before = Some(now);
+    }
+
     /// The lane, where it is among those that run.
     fn running_lane<const W: usize>(&self, batch: &Batch<W>) -> Option<usize> {
         self.lane.filter(|&lane| batch.mask.contains(lane))
     }
+}
+
+/// The instructions that the workgroup of a batch has executed, as far as they have been counted.
+fn work<const W: usize>(batch: &Batch<W>) -> u64 {
+    batch.watch.as_ref().map_or(0, |watch| watch.spent())
 }
 
 impl<const W: usize> Observer<W> for Tracker<'_> {
@@ -264,6 +295,7 @@ impl<const W: usize> Observer<W> for Tracker<'_> {
         self.take_events();
         self.shader = shader;
         self.lane = self.followed.lane(batch);
+        self.look_at_others(batch);
         // Compute shaders report no begin.
         if self.course.active.is_empty() && self.lane.is_some() {
             self.enter(shader);
@@ -282,6 +314,9 @@ impl<const W: usize> Observer<W> for Tracker<'_> {
         if let Some(sanitized) = &mut self.sanitized {
             sanitized.stopped(shader, batch);
             self.note_findings(batch, self.course.time);
+        }
+        if let Some(others) = self.others.as_mut().filter(|_| self.lane.is_some()) {
+            others.before = Some(work(batch));
         }
         let program = &self.sources.shader(shader).program;
         if self.lane.is_some()
