@@ -15,8 +15,9 @@ use crate::error::{Error, ErrorKind, ErrorReport, Result};
 use crate::escape;
 use crate::geometry::Ray;
 use crate::machine::{RayQueryEvent, RayQueryStep, Resources};
-use crate::pipeline::{Event, Launch, Stats};
+use crate::pipeline::{Event, Launch, Stats, WrittenMemory};
 use crate::scene::file::{GivenRay, RayEntry};
+use crate::scene::frame::SingleLaunch;
 use crate::scene::{Assembled, ResolvedScene, assemble};
 
 /// The ray or invocation to explain.
@@ -78,6 +79,15 @@ pub struct Session {
     pub(super) assembled: Assembled,
 }
 
+/// The resources at the begin of a pass, from which single rays and invocations of it run.
+#[derive(Debug)]
+pub struct PassBeginning {
+    resources: Resources,
+    /// What runs may write: each has a copy of it.
+    written: WrittenMemory,
+    snapshot: Snapshot,
+}
+
 impl Session {
     /// Assembles a scene.
     ///
@@ -111,9 +121,49 @@ impl Session {
         let (ray_name, request) = self.resolve(request)?;
         let single = self.assembled.single_launch(request.pass.as_deref())?;
         single.run_before(all)?;
+        let snapshot = Snapshot::take(&self.scene, &self.assembled.written_memory(all), all);
+        self.run_in(&single, (ray_name, request), all, &snapshot)
+    }
+
+    /// Runs the passes before a pass, or before the first launch, on resources other than those of
+    /// the scene: many rays and invocations of that pass begin there.
+    ///
+    /// # Errors
+    /// As [`Session::run`].
+    pub fn beginning(&self, pass: Option<&str>, resources: Resources) -> Result<PassBeginning> {
+        self.assembled.single_launch(pass)?.run_before(&resources)?;
+        let written = self.assembled.written_memory(&resources);
+        let snapshot = Snapshot::take(&self.scene, &written, &resources);
+        Ok(PassBeginning { resources, written, snapshot })
+    }
+
+    /// Runs a ray or an invocation of ray generation as [`Session::run`] does, from the begin of
+    /// its pass, which stays as it is.
+    ///
+    /// # Errors
+    /// As [`Session::run`].
+    pub fn run_from(
+        &self,
+        begin: &PassBeginning,
+        request: &ExplainRequest,
+    ) -> Result<(Transcript, Option<Error>)> {
+        let (ray_name, request) = self.resolve(request)?;
+        let single = self.assembled.single_launch(request.pass.as_deref())?;
+        let resources = begin.written.copied(&begin.resources);
+        self.run_in(&single, (ray_name, request), &resources, &begin.snapshot)
+    }
+
+    /// Runs a ray, with its name if it has one, or an invocation, in a pass, on resources that hold
+    /// what a snapshot does.
+    fn run_in(
+        &self,
+        single: &SingleLaunch<'_>,
+        (ray_name, request): (Option<String>, ResolvedRequest),
+        all: &Resources,
+        snapshot: &Snapshot,
+    ) -> Result<(Transcript, Option<Error>)> {
         let resources = single.resources(all);
         let run = Launch { pipeline: &single.pipeline, resources: &resources };
-        let snapshot = Snapshot::take(&self.scene, &self.assembled.written_memory(all), all);
         // A ray from the host has no launch index.
         let log = |id| EventLog::new(all.printed.clone(), id);
         let (mut log, own) = match request.what {

@@ -56,13 +56,15 @@ impl ChosenPixels {
 }
 
 /// Explains pixels of a launch, each on resources as the scene describes them, as `anyhit
-/// trace-one-ray` does. What cannot be explained is left out.
+/// trace-one-ray` does. What cannot be explained is left out. The passes before run once.
 pub fn explain(
     session: &Session,
     pass: Option<&str>,
     scene_name: Option<&str>,
     pixels: &[[u32; 2]],
 ) -> Vec<([u32; 2], String)> {
+    let resources = fresh_resources(session.assembled());
+    let Ok(begin) = session.beginning(pass, resources) else { return Vec::new() };
     let text = |at: usize| {
         let [x, y] = pixels[at];
         let pixel = ExplainRequest::Pixel([x, y, 0]);
@@ -70,8 +72,7 @@ pub fn explain(
             Some(pass) => ExplainRequest::InPass(pass.to_owned(), Box::new(pixel)),
             None => pixel,
         };
-        let resources = fresh_resources(session.assembled());
-        let (mut transcript, _) = session.run_on(&request, &resources).ok()?;
+        let (mut transcript, _) = session.run_from(&begin, &request).ok()?;
         if let Some(name) = scene_name {
             name.clone_into(&mut transcript.scene);
         }
@@ -182,7 +183,29 @@ fn worst_pixels(compared: &PictureDifference, distances: &[f64]) -> Vec<([u32; 2
 
 #[cfg(test)]
 mod tests {
+    use std::path::Path;
+
     use super::*;
+    use crate::scene::{DiskFiles, LoadOptions, load};
+
+    /// The second pass reads what the first has written to one image, and writes the other.
+    #[test]
+    fn pixels_are_explained_as_if_each_were_the_only_one() {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("shaders/pass/frames/ping-pong/scene.toml");
+        let scene = load(&path, &DiskFiles, &LoadOptions::default()).unwrap();
+        let session = Session::new(scene).unwrap();
+        let pixels = [[0, 0], [1, 0], [3, 3], [1, 0]];
+        let explained = explain(&session, Some("ao"), None, &pixels);
+        assert_eq!(explained.iter().map(|(pixel, _)| *pixel).collect::<Vec<_>>(), pixels);
+        for ([x, y], text) in explained {
+            let pixel = ExplainRequest::Pixel([x, y, 0]);
+            let request = ExplainRequest::InPass("ao".to_owned(), Box::new(pixel));
+            let alone = session.run_on(&request, &fresh_resources(session.assembled())).unwrap().0;
+            let options = RenderOptions { summary: true, ..RenderOptions::default() };
+            assert_eq!(text, render::text(&alone, options), "({x}, {y})");
+        }
+        assert!(explain(&session, Some("none"), None, &pixels).is_empty());
+    }
 
     #[test]
     fn small_pictures_are_explained_whole() {
