@@ -188,15 +188,17 @@ mod tests {
     use super::*;
     use crate::scene::{DiskFiles, LoadOptions, load};
 
-    /// The second pass reads what the first has written to one image, and writes the other.
+    /// The second pass reads what the first has written to one image, and writes the other. It has
+    /// four invocations in a row.
     #[test]
     fn pixels_are_explained_as_if_each_were_the_only_one() {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("shaders/pass/frames/ping-pong/scene.toml");
         let scene = load(&path, &DiskFiles, &LoadOptions::default()).unwrap();
         let session = Session::new(scene).unwrap();
-        let pixels = [[0, 0], [1, 0], [3, 3], [1, 0]];
+        let pixels = [[0, 0], [1, 0], [0, 1], [3, 0], [1, 0]];
         let explained = explain(&session, Some("ao"), None, &pixels);
-        assert_eq!(explained.iter().map(|(pixel, _)| *pixel).collect::<Vec<_>>(), pixels);
+        let inside = [[0, 0], [1, 0], [3, 0], [1, 0]];
+        assert_eq!(explained.iter().map(|(pixel, _)| *pixel).collect::<Vec<_>>(), inside);
         for ([x, y], text) in explained {
             let pixel = ExplainRequest::Pixel([x, y, 0]);
             let request = ExplainRequest::InPass("ao".to_owned(), Box::new(pixel));
