@@ -11,7 +11,7 @@ use crate::pipeline::{BandedLaunch, Stats};
 use crate::program::race_analysis::Memory;
 use crate::scene::image_entry::ImageContent;
 use crate::scene::pass::PassWork;
-use crate::scene::resolve::UnreadPart;
+use crate::scene::resolved::UnreadPart;
 use crate::scene::{Assembled, ResolvedScene};
 use crate::sorted::{sort, sort_by_key};
 

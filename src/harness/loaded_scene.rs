@@ -36,8 +36,8 @@ use crate::pipeline::{Pipeline, Stats};
 use crate::sanitize::WarningReports;
 use crate::scene::addresses::Addresses;
 use crate::scene::assemble::read;
-use crate::scene::resolve::UnreadPart;
 use crate::scene::resolved::ShaderCode;
+use crate::scene::resolved::UnreadPart;
 use crate::scene::sanitize_table::scene_levels;
 use crate::scene::{Assembled, LoadOptions, ResolvedScene, SceneFiles, assemble, load, load_text};
 

@@ -22,7 +22,7 @@ use crate::scene::block_sizes;
 use crate::scene::descriptors;
 use crate::scene::file::MissingDescriptors;
 use crate::scene::files::SceneFiles;
-use crate::scene::image_entry::{ImageContent, Texels};
+use crate::scene::image_entry::{ImageContent, TexelSource};
 use crate::scene::indirect;
 use crate::scene::own_bindings;
 use crate::scene::pass::{Dispatch, LaunchPass, OwnBinding, Pass, PassWork};
@@ -666,11 +666,11 @@ pub fn image(image: &ImageContent, limits: &InputLimits) -> Result<Arc<machine::
     let checked = limits.check(InputLimit::ImageBytes, image.size(), ErrorKind::InvalidScene);
     checked.map_err(|error| error.context(image.too_large()))?;
     match &image.texels {
-        Texels::Given(texel) if image.texels.are_equal(image.format) => {
+        TexelSource::Given(texel) if image.texels.are_equal(image.format) => {
             machine::Image::filled(image.format, image.shape, texel)
         }
-        Texels::Given(texels) => machine::Image::new(image.format, image.shape, texels),
-        Texels::Late(unread) => {
+        TexelSource::Given(texels) => machine::Image::new(image.format, image.shape, texels),
+        TexelSource::Late(unread) => {
             let unread = unread.clone();
             machine::Image::later(image.format, image.shape, Arc::new(move || unread.texels()))
         }

@@ -31,7 +31,7 @@ pub struct ImageContent {
     /// Its shape.
     pub shape: ImageShape,
     /// Its texels.
-    pub texels: Texels,
+    pub texels: TexelSource,
     /// Whether only its size is given, so that a host leaves the texels undefined. Here they are
     /// zeros.
     pub unfilled: bool,
@@ -39,7 +39,7 @@ pub struct ImageContent {
 
 /// The texels of an image.
 #[derive(Clone, Debug)]
-pub enum Texels {
+pub enum TexelSource {
     /// The bytes of all, in the order of [`Image`](crate::machine::image::Image), or those of a
     /// single one that all are equal to.
     Given(Vec<u8>),
@@ -48,7 +48,7 @@ pub enum Texels {
 }
 
 /// Texels that are not read are equal if they are of one image.
-impl PartialEq for Texels {
+impl PartialEq for TexelSource {
     fn eq(&self, other: &Self) -> bool {
         match (self, other) {
             (Self::Given(own), Self::Given(other)) => own == other,
@@ -58,7 +58,7 @@ impl PartialEq for Texels {
     }
 }
 
-impl Texels {
+impl TexelSource {
     /// Whether all are known to be equal, so that only one is given.
     pub fn are_equal(&self, format: Format) -> bool {
         matches!(self, Self::Given(bytes) if bytes.len() == format.texel_size() as usize)
@@ -305,7 +305,7 @@ impl ImageEntry {
         }
         let texels = texel_bytes(format, self.fill.unwrap_or_default());
         let image =
-            ImageContent { format, shape, texels: Texels::Given(texels), unfilled: self.fill.is_none() };
+            ImageContent { format, shape, texels: TexelSource::Given(texels), unfilled: self.fill.is_none() };
         let streams = loading == ImageLoading::Streamed && data.is_none() && pictures.is_empty();
         let size = image.size();
         // The texels of a buffer are one line, which only its bytes limit.
@@ -320,8 +320,8 @@ impl ImageEntry {
         if !pictures.is_empty() {
             let unread = Arc::new(UnreadImage::new(pictures, shape, format, &self.span)?);
             let texels = match loading {
-                ImageLoading::Late => Texels::Late(unread),
-                _ => Texels::Given(unread.texels()?),
+                ImageLoading::Late => TexelSource::Late(unread),
+                _ => TexelSource::Given(unread.texels()?),
             };
             return Ok(ImageContent { format, shape, texels, unfilled: false });
         }
@@ -377,7 +377,7 @@ impl ImageEntry {
                 format!("found {found} bytes of texels, expected {first} (level 0) or {all} (all levels)");
             return Err(self.span.error(message));
         }
-        Ok(ImageContent { format, shape, texels: Texels::Given(texels), unfilled: false })
+        Ok(ImageContent { format, shape, texels: TexelSource::Given(texels), unfilled: false })
     }
 }
 

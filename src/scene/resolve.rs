@@ -31,9 +31,8 @@ use crate::scene::read::{Diagnostics, Document, Spanned, unknown_name};
 use crate::scene::read_file::read_limited;
 use crate::scene::resolve::kept_places::KeptPlace;
 use crate::scene::resolve::modules::{ModuleKey, SceneModules};
-pub use crate::scene::resolve::unread::UnreadPart;
 use crate::scene::resolve::variants::chosen_variant;
-use crate::scene::resolved::{ResolvedGroup, ResolvedScene, ShaderModule};
+use crate::scene::resolved::{ResolvedGroup, ResolvedScene, ShaderModule, UnreadPart};
 use crate::scene::resources::ResourceEntry;
 use crate::sorted::SortedSet;
 

@@ -17,7 +17,6 @@ use crate::scene::file::{MissingDescriptors, RayEntry};
 use crate::scene::files::SceneFiles;
 use crate::scene::image::PixelEncoding;
 use crate::scene::read::Document;
-use crate::scene::resolve::UnreadPart;
 use crate::scene::resources::{Output, Resource};
 use crate::scene::specialization::{SpecializationKey, SpecializationValue};
 use crate::sorted::SortedSet;
@@ -363,6 +362,19 @@ impl ImageEncodings<'_> {
             keep_alpha: of_image().any(|one| one.keeps_alpha),
         }
     }
+}
+
+/// A part of a scene that nothing reads.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct UnreadPart {
+    /// What it is, with its name: "resource `a`".
+    pub what: String,
+    /// Its name in the scene.
+    pub name: String,
+    /// The files that were not opened, as the scene names them.
+    pub files: Vec<String>,
+    /// Why nothing reads it.
+    pub reason: &'static str,
 }
 
 /// A buffer that has no binding of its own: shaders reach it by its address, or by those of its

@@ -15,22 +15,10 @@ use crate::scene::read::{Document, Spanned};
 use crate::scene::read_file::file_error;
 use crate::scene::resolve::Resolver;
 use crate::scene::resolve::modules::SceneModules;
+use crate::scene::resolved::UnreadPart;
 use crate::scene::resources::{Content, ResourceEntry};
 use crate::scene::struct_data::ShaderModules;
 use crate::scene::tree::{Toml, TomlNode};
-
-/// A part of a scene that nothing reads.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct UnreadPart {
-    /// What it is, with its name: "resource `a`".
-    pub what: String,
-    /// Its name in the scene.
-    pub name: String,
-    /// The files that were not opened, as the scene names them.
-    pub files: Vec<String>,
-    /// Why nothing reads it.
-    pub reason: &'static str,
-}
 
 const UNDECLARED: &str = "no shader declares its set and binding";
 const UNNAMED: &str = "nothing names it";
