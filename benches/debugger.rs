@@ -1,5 +1,5 @@
-//! What running on and going back cost: an invocation of some 10^8 steps is run to its end, and gone
-//! back in; so is one of a workgroup of 64, each of which makes 10^6 turns of a loop.
+//! What running on and going back cost: an invocation of some 10^8 steps is run to its end, and
+//! gone back in; so is one of a workgroup of 64, each of which makes 10^6 turns of a loop.
 //!
 //! `cargo bench --bench debugger` prints how long each takes (`docs/debugging.md`). Without
 //! `--bench` (`cargo test --benches`) every row runs once over few steps.
