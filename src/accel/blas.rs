@@ -37,8 +37,8 @@ pub struct Blas {
 struct ForFewRays {
     /// The list of all primitives.
     list: Option<Arc<BuiltBlas>>,
-    /// The parts of the BVH that rays have entered.
-    partial: Option<PartialBlas>,
+    /// The parts of the BVH that rays have entered. Boxed: few BLASes have it, and it is large.
+    partial: Option<Box<PartialBlas>>,
 }
 
 /// The first [`LAZY_BUILD_RAYS`] rays that reach more than [`LAZY_BUILD_PRIMITIVES`] primitives
@@ -243,7 +243,8 @@ impl Blas {
             let mut for_few = self.for_few();
             if self.built.get().is_none() {
                 if for_few.partial.is_none() {
-                    for_few.partial = PartialBlas::begin(&self.geometries, LAZY_BUILD_PRIMITIVES);
+                    for_few.partial =
+                        PartialBlas::begin(&self.geometries, LAZY_BUILD_PRIMITIVES).map(Box::new);
                 }
                 if let Some(partial) = &for_few.partial {
                     return BlasForRay::Shared(partial.built());

@@ -40,7 +40,7 @@ pub struct Tlas {
     /// The transform of each instance.
     transforms: Vec<InstanceTransform>,
     /// The exact inverse transform of each instance, computed when a shader reads it.
-    world_to_object: Vec<OnceLock<[[f32; 4]; 3]>>,
+    world_to_object: Vec<OnceLock<Box<[[f32; 4]; 3]>>>,
     bvh: OnceLock<Option<(WideBvh, Vec<u32>)>>,
     moves: bool,
     has_micromaps: bool,
@@ -194,7 +194,7 @@ impl Tlas {
         match &self.transforms[at] {
             InstanceTransform::Identity => IDENTITY,
             InstanceTransform::Static(transform) => {
-                *self.world_to_object[at].get_or_init(|| transform.world_to_object())
+                **self.world_to_object[at].get_or_init(|| Box::new(transform.world_to_object()))
             }
             InstanceTransform::Moving => {
                 or_identity(world_to_object(&self.instances[at].object_to_world(time)))
