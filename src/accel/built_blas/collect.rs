@@ -107,6 +107,8 @@ impl CollectedPrimitives {
             return Self { boxes, has_split_primitives: false };
         }
         let count = boxes.len();
+        // Of many primitives both lists take more memory than all that follows.
+        drop(boxes);
         let boxes = boxes_of_halves(geometries, numbers, threads);
         let has_split_primitives = boxes.len() > count;
         Self { boxes, has_split_primitives }
