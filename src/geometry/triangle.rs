@@ -30,9 +30,11 @@
 //! The f64 filter takes one triangle (`one`) or the four of a block (`four`). The bounds of det,
 //! beta, gamma and e2.q are rows of the table at `object_ray::BoundedRay`, quotients have
 //! `math::error_bound::Divisor`. Products stay within 2^-450 and 2^520. What it leaves undecided is
-//! decided exactly.
+//! decided exactly: in integers of 128 bits (`integers`) where these hold the coordinates, in
+//! arbitrary precision elsewhere.
 
 mod four;
+mod integers;
 mod one;
 
 use crate::geometry::double_ray::DoubleRay;
@@ -58,7 +60,7 @@ pub fn intersect(ray: &ObjectRay, vertices: [[f32; 3]; 3], precision: Precision)
         Precision::Exact => match f64_filter(ray, vertices) {
             Verdict::Hit(hit) => Some(hit),
             Verdict::Miss => None,
-            Verdict::Undecided => intersect_exactly(ray, vertices),
+            Verdict::Undecided => settle(ray, vertices),
         },
     }
 }
@@ -111,6 +113,18 @@ fn facing(front: bool) -> Surface {
     if front { Surface::TriangleFront } else { Surface::TriangleBack }
 }
 
+/// Decides exactly.
+#[cold]
+#[inline(never)]
+fn settle(ray: &ObjectRay, vertices: [[f32; 3]; 3]) -> Option<Intersection> {
+    match integers::intersect(ray, vertices) {
+        Verdict::Hit(hit) => Some(hit),
+        Verdict::Miss => None,
+        Verdict::Undecided => intersect_exactly(ray, vertices),
+    }
+}
+
+/// Decides in arbitrary precision.
 #[cold]
 #[inline(never)]
 fn intersect_exactly(ray: &ObjectRay, vertices: [[f32; 3]; 3]) -> Option<Intersection> {
