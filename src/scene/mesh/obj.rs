@@ -1,5 +1,8 @@
-//! Wavefront OBJ, read by `tobj`. Polygons are cut into fans around their first vertex; points and
-//! lines are left out. Materials are those of the .mtl files that it names.
+//! Wavefront OBJ. Polygons are cut into fans around their first vertex; points and lines are left
+//! out. Materials are those of the .mtl files that it names. `groups` reads common files, `tobj` all
+//! others, broken files, and .mtl files.
+
+mod groups;
 
 use std::cell::Cell;
 use std::collections::{HashMap, HashSet};
@@ -64,30 +67,14 @@ fn invalid(message: impl Into<String>) -> Error {
 }
 
 fn decode(path: &Path, bytes: &[u8], files: &dyn Files) -> Result<(Listed, ObjFile)> {
-    check_counts(bytes, &files.limits())?;
-    let options =
-        LoadOptions { triangulate: true, single_index: true, ignore_points: true, ignore_lines: true };
+    let contents = Contents::of(bytes);
+    contents.check(&files.limits())?;
     // Groups are those of the names that the file uses; what an .mtl file says of them comes later,
     // and a missing one does not stop the mesh.
-    let Names { used, libraries } = Names::of(bytes);
-    let first = Cell::new(true);
-    let loader = |_: &Path| match first.replace(false) {
-        true => Ok((
-            used.iter().map(|name| tobj::Material { name: name.clone(), ..Default::default() }).collect(),
-            used.iter().cloned().zip(0..).collect::<HashMap<_, _>>().into_iter().collect(),
-        )),
-        false => Err(LoadError::OpenFileFailed),
-    };
-    let loaded = tobj::load_obj_buf(&mut (&b"mtllib names\n"[..]).chain(bytes), &options, loader);
-    let models = match loaded {
-        Ok((models, _)) => models,
-        Err(error) => {
-            let error = invalid(format!("not a Wavefront OBJ file: {error}"));
-            return Err(match first_invalid_line(path, bytes) {
-                Some(place) => error.at(place),
-                None => error,
-            });
-        }
+    let Contents { used, libraries, .. } = contents;
+    let models = match groups::read(bytes, &used) {
+        Some(models) => models,
+        None => read_with_tobj(path, bytes, &used)?,
     };
     let (materials, textures) = materials(path, &used, &libraries, files)?;
     let mut objects: Vec<(String, Vec<tobj::Mesh>)> = Vec::new();
@@ -113,6 +100,30 @@ fn decode(path: &Path, bytes: &[u8], files: &dyn Files) -> Result<(Listed, ObjFi
     Ok((Listed { meshes, nodes, materials, textures, cameras: Vec::new() }, ObjFile { groups }))
 }
 
+/// The groups of a file whose materials have these names, as `tobj` reads it.
+fn read_with_tobj(path: &Path, bytes: &[u8], used: &[String]) -> Result<Vec<tobj::Model>> {
+    let options =
+        LoadOptions { triangulate: true, single_index: true, ignore_points: true, ignore_lines: true };
+    let first = Cell::new(true);
+    let loader = |_: &Path| match first.replace(false) {
+        true => Ok((
+            used.iter().map(|name| tobj::Material { name: name.clone(), ..Default::default() }).collect(),
+            used.iter().cloned().zip(0..).collect::<HashMap<_, _>>().into_iter().collect(),
+        )),
+        false => Err(LoadError::OpenFileFailed),
+    };
+    match tobj::load_obj_buf(&mut (&b"mtllib names\n"[..]).chain(bytes), &options, loader) {
+        Ok((models, _)) => Ok(models),
+        Err(error) => {
+            let error = invalid(format!("not a Wavefront OBJ file: {error}"));
+            Err(match first_invalid_line(path, bytes) {
+                Some(place) => error.at(place),
+                None => error,
+            })
+        }
+    }
+}
+
 fn listed(mesh: &tobj::Mesh) -> ListedPart {
     let vertices = mesh.positions.len() / 3;
     // Where some vertices lack a normal, the list of normals is shorter.
@@ -129,27 +140,54 @@ fn listed(mesh: &tobj::Mesh) -> ListedPart {
     }
 }
 
-/// The names that a file uses.
-struct Names {
+/// What a file makes, counted before it is allocated, and the names that it uses.
+#[derive(Default)]
+struct Contents {
+    vertices: u64,
+    /// The triangles of its polygons.
+    triangles: u64,
+    /// Its objects and groups, of each of which half a kilobyte is kept.
+    objects: u64,
     /// Its materials, in the order of their first use.
     used: Vec<String>,
     /// Its .mtl files.
     libraries: Vec<String>,
 }
 
-impl Names {
+impl Contents {
     fn of(bytes: &[u8]) -> Self {
-        let (mut used, mut libraries, mut known) = (Vec::new(), Vec::new(), HashSet::new());
-        for line in bytes.split(|byte| *byte == b'\n') {
-            let Some((word, rest)) = split_word(line.trim_ascii()) else { continue };
-            let Ok(name) = std::str::from_utf8(rest.trim_ascii()) else { continue };
+        let (mut found, mut known) = (Self::default(), HashSet::new());
+        for line in groups::lines(bytes) {
+            let mut words = groups::Words(line);
+            let word = words.next().unwrap_or_default();
             match word {
-                b"usemtl" if known.insert(name.to_string()) => used.push(name.to_string()),
-                b"mtllib" if !libraries.iter().any(|known| known == name) => libraries.push(name.to_string()),
+                b"v" => found.vertices += 1,
+                b"f" => found.triangles += (words.count() as u64).saturating_sub(2),
+                b"o" | b"g" => found.objects += 1,
+                b"usemtl" | b"mtllib" => {
+                    found.objects += 1;
+                    let Ok(name) = std::str::from_utf8(words.0.trim_ascii()) else { continue };
+                    if name.is_empty() {
+                        continue;
+                    }
+                    if word == b"usemtl" && known.insert(name.to_string()) {
+                        found.used.push(name.to_string());
+                    }
+                    if word == b"mtllib" && !found.libraries.iter().any(|known| known == name) {
+                        found.libraries.push(name.to_string());
+                    }
+                }
                 _ => {}
             }
         }
-        Self { used, libraries }
+        found
+    }
+
+    fn check(&self, limits: &InputLimits) -> Result<()> {
+        let check = |limit, count| limits.check(limit, count, ErrorKind::InvalidMesh);
+        check(InputLimit::MeshVertices, self.vertices)?;
+        check(InputLimit::MeshTriangles, self.triangles)?;
+        check(InputLimit::MeshValues, self.objects)
     }
 }
 
@@ -233,31 +271,6 @@ fn material_of(given: &tobj::Material) -> Material {
         illumination: given.illumination_model.unwrap_or_default().into(),
         ..default
     }
-}
-
-/// A line's first word, and what follows.
-fn split_word(line: &[u8]) -> Option<(&[u8], &[u8])> {
-    let at = line.iter().position(u8::is_ascii_whitespace)?;
-    Some((&line[..at], &line[at..]))
-}
-
-/// Counts what the file makes, before tobj allocates it: vertices, triangles of its polygons, and
-/// objects, of each of which it keeps half a kilobyte.
-fn check_counts(bytes: &[u8], limits: &InputLimits) -> Result<()> {
-    let (mut vertices, mut triangles, mut objects) = (0, 0, 0);
-    for line in bytes.split(|byte| *byte == b'\n') {
-        let mut words = line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty());
-        match words.next() {
-            Some(b"v") => vertices += 1,
-            Some(b"f") => triangles += (words.count() as u64).saturating_sub(2),
-            Some(b"o" | b"g" | b"usemtl" | b"mtllib") => objects += 1,
-            _ => {}
-        }
-    }
-    let check = |limit, count| limits.check(limit, count, ErrorKind::InvalidMesh);
-    check(InputLimit::MeshVertices, vertices)?;
-    check(InputLimit::MeshTriangles, triangles)?;
-    check(InputLimit::MeshValues, objects)
 }
 
 /// Finds the first invalid line, given the number of vertices before it: the errors of tobj have no
