@@ -38,7 +38,7 @@ impl SceneNames for ResolvedScene {
 
     fn geometries(&self, structure: usize, instance: u32) -> &[String] {
         let names = self.geometry_names.get(structure);
-        names.and_then(|names| names.get(instance as usize)).map_or(&[], Vec::as_slice)
+        names.and_then(|names| names.get(instance as usize)).map_or(&[], |names| names)
     }
 }
 

@@ -157,7 +157,7 @@ impl Case {
         let text = String::from_utf8_lossy(&bytes).into_owned();
         // Mistakes other than of syntax are reported when the case is run.
         let report = Diagnostics::within(files.limits);
-        let file = SceneFile::parse(scene, &text, &report)?;
+        let file = SceneFile::parse(scene, text.as_str(), &report)?;
         let root = file.document.root(&report);
         let rays = each_ray(&file.document, &report, |at, table| {
             let name = table.value("name").and_then(|name| Some(escape::controls(name.text()?).into_owned()));

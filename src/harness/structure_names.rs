@@ -16,13 +16,13 @@ impl StructureNames for ResolvedScene {
 
     fn geometries(&self, structure: usize, instance: u32) -> &[String] {
         let names = self.geometry_names.get(structure);
-        names.and_then(|names| names.get(instance as usize)).map_or(&[], Vec::as_slice)
+        names.and_then(|names| names.get(instance as usize)).map_or(&[], |names| names)
     }
 
     fn geometry_place(&self, name: &str) -> Option<Place> {
         let Toml::Table(geometries) = &member(self, "geometry")?.node.value else { return None };
-        let member = geometries.iter().find(|member| member.key == name)?;
-        Some(Span { source: self.document.source().clone(), range: member.key_range.clone() }.place())
+        let member = geometries.iter().find(|member| &*member.key == name)?;
+        Some(Span { source: self.document.source().clone(), range: member.key_range() }.place())
     }
 
     /// Of instances that the scene's own file lists; those of files that it includes stand before
@@ -35,18 +35,18 @@ impl StructureNames for ResolvedScene {
         let wanted = &self.tlas.get(structure)?.0;
         let is_of_structure = |value: &Toml| {
             let Toml::Table(members) = value else { return false };
-            match members.iter().find(|member| member.key == "tlas").map(|member| &member.node.value) {
-                Some(Toml::String(name)) => name == wanted,
+            match members.iter().find(|member| &*member.key == "tlas").map(|member| &member.node.value) {
+                Some(Toml::String(name)) => **name == **wanted,
                 _ => wanted == "main",
             }
         };
         let found = instances.iter().filter(|one| is_of_structure(&one.value)).nth(instance as usize)?;
-        Some(Span { source: self.document.source().clone(), range: found.range.clone() }.place())
+        Some(Span { source: self.document.source().clone(), range: found.range() }.place())
     }
 }
 
 /// A key of the scene's own file.
 fn member<'a>(scene: &'a ResolvedScene, key: &str) -> Option<&'a TomlMember> {
     let Toml::Table(members) = &scene.document.node().value else { return None };
-    members.iter().find(|member| member.key == key)
+    members.iter().find(|member| &*member.key == key)
 }

@@ -83,10 +83,14 @@ impl SceneFile {
     /// # Errors
     /// `InvalidScene` with the mistakes where nothing more can be read from the text: no TOML, no
     /// version, another version. All other mistakes go to the report.
-    pub fn parse(path: impl Into<PathBuf>, text: &str, report: &Diagnostics) -> Result<Self> {
+    pub fn parse(path: impl Into<PathBuf>, text: impl Into<Arc<str>>, report: &Diagnostics) -> Result<Self> {
         let document = Document::parse_within(path, text, report.limits())?;
         version(&document)?;
-        Ok(Self::read(&document.root(report), &document))
+        let mut file = Self::read(&document.root(report), &document);
+        drop(document);
+        // Large scenes consist of them.
+        file.document.forget(&["geometry", "instance"]);
+        Ok(file)
     }
 
     /// Reads the root table of a document.

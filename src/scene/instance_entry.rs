@@ -14,12 +14,12 @@ pub struct InstanceEntry {
     pub span: Span,
     /// The geometries of its BLAS.
     pub geometry: Arc<[Spanned<String>]>,
-    /// The name of its TLAS.
-    pub tlas: String,
+    /// The name of its TLAS, if it is not `main`.
+    pub tlas: Option<Arc<str>>,
     /// Object to world.
     pub transform: [[f32; 4]; 3],
     /// How it moves.
-    pub motion: Option<Motion>,
+    pub motion: Option<Box<Motion>>,
     /// `InstanceCustomIndexKHR`
     pub custom_index: u32,
     /// Visibility mask.
@@ -50,7 +50,7 @@ impl Parse for InstanceEntry {
     fn parse(value: TomlValue<'_>) -> Option<Self> {
         let table = Table::new(value)?;
         let geometry = table.required::<OneOrMore<Spanned<String>>>("geometry");
-        let tlas = table.or("tlas", "main".to_string());
+        let tlas = table.optional::<String>("tlas");
         let transform = parse_transform(&table).unwrap_or(IDENTITY);
         let motion = motion(&table, transform);
         let custom_index = bits24(&table, "custom_index");
@@ -61,9 +61,9 @@ impl Parse for InstanceEntry {
         let entry = Self {
             span: value.span(),
             geometry: geometry?.0.into(),
-            tlas,
+            tlas: tlas.map(Arc::from),
             transform,
-            motion,
+            motion: motion.map(Box::new),
             custom_index: custom_index?,
             mask,
             sbt_offset: sbt_offset?,
@@ -74,12 +74,17 @@ impl Parse for InstanceEntry {
 }
 
 impl InstanceEntry {
+    /// The name of its TLAS.
+    pub fn tlas(&self) -> &str {
+        self.tlas.as_deref().unwrap_or("main")
+    }
+
     /// The instance with this BLAS.
     pub fn instance(&self, blas: Arc<Blas>) -> TlasInstance {
         TlasInstance {
             blas,
             transform: self.transform,
-            motion: self.motion.clone(),
+            motion: self.motion.as_deref().cloned(),
             custom_index: self.custom_index,
             mask: self.mask,
             sbt_record_offset: self.sbt_offset,

@@ -658,5 +658,5 @@ fn instances<'m>(
         None => true,
         Some(selection) => entry.geometry.iter().any(|name| selection.geometries.contains(&name.value)),
     };
-    meshes.instances.iter().filter(move |entry| entry.tlas == tlas).filter(of_selection)
+    meshes.instances.iter().filter(move |entry| entry.tlas() == tlas).filter(of_selection)
 }

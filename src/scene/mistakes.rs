@@ -397,7 +397,7 @@ fn noise_does_not_panic() {
         }
         let text = String::from_utf8_lossy(&bytes);
         let report = Diagnostics::default();
-        let parsed = SceneFile::parse("a.toml", &text, &report);
+        let parsed = SceneFile::parse("a.toml", &*text, &report);
         let error = parsed.err().or_else(|| report.finish().err());
         if let Some(error) = error {
             refused += 1;

@@ -229,6 +229,7 @@ impl Expanded {
             ));
         }
         let own = entry.transform.map(|rows| matrix_of(&rows));
+        let tlas: Arc<str> = entry.tlas.as_str().into();
         for (at, node) in (0..).zip(&model.nodes) {
             let mesh = &model.meshes[node.mesh];
             if mesh.count == 0 {
@@ -248,7 +249,7 @@ impl Expanded {
             self.instances.push(InstanceEntry {
                 span: entry.span.clone(),
                 geometry: lists[node.mesh].clone(),
-                tlas: entry.tlas.clone(),
+                tlas: Some(tlas.clone()),
                 transform: [row(world.x_axis), row(world.y_axis), row(world.z_axis)],
                 motion: None,
                 custom_index: number(keys.custom_index),

@@ -9,6 +9,7 @@
 mod brackets;
 mod diagnostics;
 mod key_homes;
+mod pieces;
 pub mod recorder;
 mod schema;
 mod unknown_name;
@@ -17,7 +18,7 @@ mod values;
 use std::cell::RefCell;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use toml::de::DeTable;
 
@@ -25,7 +26,7 @@ use crate::error::names::nearest;
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::escape;
 use crate::input::{InputLimit, InputLimits, contained};
-use crate::scene::tree::{Toml, TomlMember, TomlNode};
+use crate::scene::tree::{Toml, TomlMember, TomlNode, TreeBuilder};
 use crate::sorted::SortedSet;
 
 use brackets::first_in_bracket;
@@ -98,6 +99,8 @@ pub struct Spanned<T> {
 pub struct Document {
     source: Arc<TomlSource>,
     root: Arc<TomlNode>,
+    /// The root with all members, parsed again once members are forgotten and asked for.
+    whole: Option<Arc<OnceLock<TomlNode>>>,
 }
 
 impl Document {
@@ -113,20 +116,30 @@ impl Document {
     ///
     /// # Errors
     /// As [`Document::parse`].
-    pub fn parse_within(path: impl Into<PathBuf>, text: &str, limits: &InputLimits) -> Result<Self> {
+    pub fn parse_within(
+        path: impl Into<PathBuf>,
+        text: impl Into<Arc<str>>,
+        limits: &InputLimits,
+    ) -> Result<Self> {
         let source = Arc::new(TomlSource { path: path.into(), text: text.into() });
         // The crate's own limit of nesting, 80 tables, keeps what recurses here short, too.
         let root = contained("toml", ErrorKind::InvalidScene, || Self::tree(&source, limits));
         match root {
-            Ok(root) => Ok(Self { source, root: root.into() }),
+            Ok(root) => Ok(Self { source, root: Arc::new(root), whole: None }),
             Err(error) => Err(error.or_at(Place::File(source.path.clone()))),
         }
     }
 
     fn tree(source: &Arc<TomlSource>, limits: &InputLimits) -> Result<TomlNode> {
+        if u32::try_from(source.text.len()).is_err() {
+            return Err(Error::new(ErrorKind::InvalidScene, "the file has more than 4 GiB"));
+        }
+        if let Some(root) = pieces::tree(&source.text) {
+            return Ok(root);
+        }
         let (root, errors) = DeTable::parse_recoverable(&source.text);
         if errors.is_empty() {
-            return Ok(TomlNode::from_table(&root));
+            return Ok(TreeBuilder::default().tree(&root));
         }
         let start = |error: &toml::de::Error| error.span().map_or(0, |range| range.start);
         let report = |error: &toml::de::Error| {
@@ -154,7 +167,18 @@ impl Document {
 
     /// The root table as it was parsed.
     pub fn node(&self) -> &TomlNode {
-        &self.root
+        let Some(whole) = &self.whole else { return &self.root };
+        let parse = || Self::tree(&self.source, &InputLimits::default());
+        whole.get_or_init(|| parse().unwrap_or_else(|_| (*self.root).clone()))
+    }
+
+    /// Frees members of the root table that have been read, which are large. [`Document::root`]
+    /// lacks them from here on.
+    pub fn forget(&mut self, keys: &[&str]) {
+        if let Some(TomlNode { value: Toml::Table(members), .. }) = Arc::get_mut(&mut self.root) {
+            members.retain(|member| !keys.contains(&&*member.key));
+            self.whole.get_or_insert_default();
+        }
     }
 
     /// The root table.
@@ -203,7 +227,7 @@ pub struct TomlValue<'a> {
 impl<'a> TomlValue<'a> {
     /// Its span.
     pub fn span(&self) -> Span {
-        Span { source: self.source.clone(), range: self.node.range.clone() }
+        Span { source: self.source.clone(), range: self.node.range() }
     }
 
     /// The bare TOML value.
@@ -222,7 +246,7 @@ impl<'a> TomlValue<'a> {
     /// Whether it is this word.
     pub fn is_word(&self, word: &'static str) -> bool {
         if let Some(recorder) = self.report.recorder() {
-            recorder.names(self.node.range.clone(), &[word]);
+            recorder.names(self.node.range(), &[word]);
         }
         self.text() == Some(word)
     }
@@ -249,7 +273,7 @@ impl<'a> TomlValue<'a> {
     fn report_unexpected(&self, wanted: &str) {
         let found = self.toml().what();
         if let Some(recorder) = self.report.recorder() {
-            recorder.refused(self.node.range.clone());
+            recorder.refused(self.node.range());
         }
         self.report.push(self.span().error_with(format!("expected {wanted}, found {found}"), "here"));
     }
@@ -261,7 +285,7 @@ impl<'a> TomlValue<'a> {
 
     /// The value as a document of its own.
     pub fn to_document(&self) -> Document {
-        Document { source: self.source.clone(), root: Arc::new(self.node.clone()) }
+        Document { source: self.source.clone(), root: Arc::new(self.node.clone()), whole: None }
     }
 
     /// A copy that owns its text.
@@ -280,7 +304,7 @@ pub struct OwnedTomlValue {
 impl OwnedTomlValue {
     /// Its span.
     pub fn span(&self) -> Span {
-        Span { source: self.source.clone(), range: self.node.range.clone() }
+        Span { source: self.source.clone(), range: self.node.range() }
     }
 
     /// The value; mistakes go to a report.
@@ -336,18 +360,18 @@ impl<'a> Table<'a> {
     fn request(&self, key: &'static str, schema: Option<SchemaOf>, required: bool) {
         self.requested.borrow_mut().insert(key);
         if let Some(recorder) = self.report().recorder() {
-            recorder.key(&self.value.node.range, key, schema, required);
+            recorder.key(&self.value.node.range(), key, schema, required);
         }
     }
 
     fn member(&self, key: &str) -> Option<TomlValue<'a>> {
-        let member = self.entries.iter().find(|member| member.key == key)?;
+        let member = self.entries.iter().find(|member| &*member.key == key)?;
         Some(TomlValue { node: &member.node, ..self.value })
     }
 
     /// The value of a key that must not be here, for a better message than that it is unknown.
     pub fn refused(&self, key: &str) -> Option<TomlValue<'a>> {
-        let member = self.entries.iter().find(|member| member.key == key)?;
+        let member = self.entries.iter().find(|member| &*member.key == key)?;
         self.refused.borrow_mut().insert(&member.key);
         Some(TomlValue { node: &member.node, ..self.value })
     }
@@ -355,14 +379,14 @@ impl<'a> Table<'a> {
     /// Whether a key is there. This does not count as a request.
     pub fn has(&self, key: &'static str) -> bool {
         if let Some(recorder) = self.report().recorder() {
-            recorder.key(&self.value.node.range, key, None, false);
+            recorder.key(&self.value.node.range(), key, None, false);
         }
         self.has_name(key)
     }
 
     /// Whether a key is there that is no word of the format.
     pub fn has_name(&self, name: &str) -> bool {
-        self.entries.iter().any(|member| member.key == name)
+        self.entries.iter().any(|member| &*member.key == name)
     }
 
     /// Reads a key that may be missing.
@@ -375,11 +399,11 @@ impl<'a> Table<'a> {
     /// names, the old one is an unknown key.
     pub fn optional_renamed<T: Parse>(&self, key: &'static str, old: &'static str) -> Option<T> {
         if !self.has(key)
-            && let Some(member) = self.entries.iter().find(|member| member.key == old)
+            && let Some(member) = self.entries.iter().find(|member| &*member.key == old)
         {
             self.requested.borrow_mut().insert(key);
             self.renamed.borrow_mut().insert(old);
-            let span = Span { source: self.value.source.clone(), range: member.key_range.clone() };
+            let span = Span { source: self.value.source.clone(), range: member.key_range() };
             self.report().renamed(&span, old, key);
             return T::parse(TomlValue { node: &member.node, ..self.value });
         }
@@ -406,15 +430,15 @@ impl<'a> Table<'a> {
     /// All keys with their values, for tables whose keys are the user's names.
     pub fn iter(&self) -> impl Iterator<Item = (Spanned<String>, TomlValue<'a>)> + '_ {
         if let Some(recorder) = self.report().recorder() {
-            recorder.any_key(&self.value.node.range);
+            recorder.any_key(&self.value.node.range());
         }
         self.members()
     }
 
     fn members(&self) -> impl Iterator<Item = (Spanned<String>, TomlValue<'a>)> + '_ {
         self.entries.iter().map(|member| {
-            let span = Span { source: self.value.source.clone(), range: member.key_range.clone() };
-            (Spanned { value: member.key.clone(), span }, TomlValue { node: &member.node, ..self.value })
+            let span = Span { source: self.value.source.clone(), range: member.key_range() };
+            (Spanned { value: member.key.to_string(), span }, TomlValue { node: &member.node, ..self.value })
         })
     }
 
@@ -487,6 +511,17 @@ mod tests {
     }
 
     #[test]
+    fn forgotten_members_are_parsed_again_where_they_are_asked_for() {
+        let mut document = Document::parse("t.toml", "a = 1\n[b]\nc = 2\n").unwrap();
+        let whole = document.node().clone();
+        document.forget(&["b", "d"]);
+        let report = Diagnostics::default();
+        let root = document.root(&report);
+        assert_eq!((root.has_name("a"), root.has_name("b")), (true, false));
+        assert_eq!(*document.node(), whole);
+    }
+
+    #[test]
     fn a_float_is_rounded_once() {
         // 1 + 2^-24 + 2^-60 lies above the tie between 1 and 1 + 2^-23; an f64 loses the 2^-60 and
         // a second rounding of the tie then goes to the even 1.
@@ -554,7 +589,7 @@ mod tests {
         let all = 1 + error.others().len() + error.not_shown();
         for (shown, wanted) in [(3, 3), (0, 1)] {
             let limits = InputLimits::default().with(InputLimit::ErrorsShown, shown);
-            let error = Document::parse_within("t.toml", &"x = = 1\n".repeat(5000), &limits).unwrap_err();
+            let error = Document::parse_within("t.toml", "x = = 1\n".repeat(5000), &limits).unwrap_err();
             assert_eq!((1 + error.others().len(), error.not_shown()), (wanted, all - wanted));
         }
         for deep in [

@@ -80,7 +80,7 @@ pub fn load_bytes(
     files: &dyn Files,
     options: &LoadOptions,
 ) -> Result<ResolvedScene> {
-    load_text(path, &text_of(path, bytes)?, files, options)
+    load_shared_text(path, text_of(path, bytes)?.into(), files, options)
 }
 
 /// Reads a scene from a text; its relative paths are relative to the folder of `path`.
@@ -88,6 +88,16 @@ pub fn load_bytes(
 /// # Errors
 /// As [`load`].
 pub fn load_text(path: &Path, text: &str, files: &dyn Files, options: &LoadOptions) -> Result<ResolvedScene> {
+    load_shared_text(path, text.into(), files, options)
+}
+
+/// [`load_text`] of a text that the scene keeps.
+fn load_shared_text(
+    path: &Path,
+    text: Arc<str>,
+    files: &dyn Files,
+    options: &LoadOptions,
+) -> Result<ResolvedScene> {
     let limits = files.limits();
     let report = Diagnostics::within(limits);
     let most = InputLimit::SceneBytes;
@@ -150,7 +160,7 @@ fn include(
         let read = read_limited(files, &wanted.value, &wanted.span, InputLimit::SceneBytes);
         let part = read
             .and_then(|bytes| text_of(&path, bytes))
-            .and_then(|text| SceneFile::parse(&path, &text, report));
+            .and_then(|text| SceneFile::parse(&path, text, report));
         if let Some(part) = report.keep(part) {
             include(part, files, report, open, parts);
         }

@@ -29,7 +29,7 @@ pub struct ResolvedScene {
     /// The acceleration structures, by name.
     pub tlas: Vec<(String, Arc<Tlas>)>,
     /// The names of the geometries of each instance, parallel to `tlas`.
-    pub geometry_names: Vec<Vec<Vec<String>>>,
+    pub geometry_names: Vec<Vec<Arc<[String]>>>,
     /// Every file with shaders, once.
     pub shaders: Vec<ShaderModule>,
     /// Modules that are loaded already, as data is laid out by their structs: by their indices in

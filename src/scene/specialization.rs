@@ -103,8 +103,8 @@ impl Parse for SpecializationValue {
     fn parse(value: TomlValue<'_>) -> Option<Self> {
         let literal = match value.toml() {
             Toml::Boolean(flag) => LiteralValue::Boolean(*flag),
-            Toml::Integer(digits, base) => LiteralValue::Integer(digits.clone(), *base),
-            Toml::Float(text) => LiteralValue::Float(text.clone()),
+            Toml::Integer(digits, base) => LiteralValue::Integer(digits.to_string(), *base),
+            Toml::Float(text) => LiteralValue::Float(text.to_string()),
             Toml::Table(_) => match ScalarPiece::parse(value)? {
                 ScalarPiece::Bytes(bytes, scalar) => LiteralValue::Bytes(bytes, scalar),
                 ScalarPiece::Address(of) => LiteralValue::Address(of),

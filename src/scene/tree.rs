@@ -1,9 +1,12 @@
 //! A TOML document that owns its text; the parse tree of the `toml` crate borrows it.
 //!
-//! Numbers keep their digits, because a float is rounded only where its type is known.
+//! Numbers keep their digits, because a float is rounded only where its type is known. Scenes have
+//! hundreds of thousands of tables: ranges have 32 bits, and equal keys share their text.
 
 use std::ops::Range;
+use std::sync::Arc;
 
+use rustc_hash::FxHashSet;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
@@ -13,8 +16,7 @@ use crate::sorted::sort_by_key;
 /// A value and its range in the text.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TomlNode {
-    /// The bytes; for a table with a header, the header.
-    pub range: Range<usize>,
+    range: TextRange,
     /// The value.
     pub value: Toml,
 }
@@ -23,11 +25,11 @@ pub struct TomlNode {
 #[derive(Clone, Debug, PartialEq)]
 pub enum Toml {
     /// A string.
-    String(String),
+    String(Box<str>),
     /// An integer: digits without `_` and prefix, and their base.
-    Integer(String, u32),
+    Integer(Box<str>, u32),
     /// A float as Rust parses it.
-    Float(String),
+    Float(Box<str>),
     /// `true` or `false`.
     Boolean(bool),
     /// A date or time, which no scene needs.
@@ -42,30 +44,90 @@ pub enum Toml {
 #[derive(Clone, Debug, PartialEq)]
 pub struct TomlMember {
     /// The key, control characters as escapes.
-    pub key: String,
-    /// The bytes of the key.
-    pub key_range: Range<usize>,
+    pub key: Arc<str>,
+    key_range: TextRange,
     /// The value.
     pub node: TomlNode,
 }
 
+/// A range of a text of less than 4 GiB.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct TextRange {
+    start: u32,
+    end: u32,
+}
+
+impl TextRange {
+    fn get(self) -> Range<usize> {
+        self.start as usize..self.end as usize
+    }
+}
+
 impl TomlNode {
-    /// The document with this root.
-    pub fn from_table(root: &Spanned<DeTable<'_>>) -> Self {
-        Self { range: root.span(), value: table(root.get_ref()) }
+    /// The bytes; for a table with a header, the header.
+    pub fn range(&self) -> Range<usize> {
+        self.range.get()
+    }
+}
+
+impl TomlMember {
+    /// The bytes of the key.
+    pub fn key_range(&self) -> Range<usize> {
+        self.key_range.get()
+    }
+}
+
+/// Makes the tree of a document, which may be parsed in pieces.
+#[derive(Debug, Default)]
+pub(super) struct TreeBuilder {
+    keys: FxHashSet<Arc<str>>,
+    /// Where the piece begins in the document.
+    pub base: usize,
+}
+
+impl TreeBuilder {
+    /// The tree of a document or of a piece of it.
+    pub(super) fn tree(&mut self, root: &Spanned<DeTable<'_>>) -> TomlNode {
+        // The root has no range.
+        let value = self.table(root.get_ref());
+        TomlNode { range: TextRange { start: 0, end: 0 }, value }
     }
 
-    fn from_value(value: &Spanned<DeValue<'_>>) -> Self {
+    fn range(&self, range: Range<usize>) -> TextRange {
+        let place = |at: usize| (self.base + at) as u32;
+        TextRange { start: place(range.start), end: place(range.end) }
+    }
+
+    fn value(&mut self, value: &Spanned<DeValue<'_>>) -> TomlNode {
         let owned = match value.get_ref() {
-            DeValue::String(text) => Toml::String(text.to_string()),
-            DeValue::Integer(digits) => Toml::Integer(digits.as_str().to_string(), digits.radix()),
-            DeValue::Float(digits) => Toml::Float(digits.as_str().to_string()),
+            DeValue::String(text) => Toml::String(text.as_ref().into()),
+            DeValue::Integer(digits) => Toml::Integer(digits.as_str().into(), digits.radix()),
+            DeValue::Float(digits) => Toml::Float(digits.as_str().into()),
             DeValue::Boolean(flag) => Toml::Boolean(*flag),
             DeValue::Datetime(_) => Toml::Datetime,
-            DeValue::Array(elements) => Toml::Array(elements.iter().map(Self::from_value).collect()),
-            DeValue::Table(entries) => table(entries),
+            DeValue::Array(elements) => Toml::Array(elements.iter().map(|one| self.value(one)).collect()),
+            DeValue::Table(entries) => self.table(entries),
         };
-        Self { range: value.span(), value: owned }
+        TomlNode { range: self.range(value.span()), value: owned }
+    }
+
+    fn table(&mut self, entries: &DeTable<'_>) -> Toml {
+        let mut members = Vec::with_capacity(entries.len());
+        for (key, value) in entries {
+            let (key_range, node) = (self.range(key.span()), self.value(value));
+            members.push(TomlMember { key: self.key(&escape::controls(key.get_ref())), key_range, node });
+        }
+        sort_by_key(&mut members, |member| member.key_range.start);
+        Toml::Table(members)
+    }
+
+    fn key(&mut self, key: &str) -> Arc<str> {
+        if let Some(known) = self.keys.get(key) {
+            return known.clone();
+        }
+        let key: Arc<str> = key.into();
+        self.keys.insert(key.clone());
+        key
     }
 }
 
@@ -82,15 +144,4 @@ impl Toml {
             Self::Table(_) => "a table",
         }
     }
-}
-
-fn table(entries: &DeTable<'_>) -> Toml {
-    let member = |(key, value): (&Spanned<std::borrow::Cow<'_, str>>, _)| TomlMember {
-        key: escape::controls(key.get_ref()).into_owned(),
-        key_range: key.span(),
-        node: TomlNode::from_value(value),
-    };
-    let mut members: Vec<TomlMember> = entries.iter().map(member).collect();
-    sort_by_key(&mut members, |member| member.key_range.start);
-    Toml::Table(members)
 }

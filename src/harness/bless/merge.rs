@@ -80,12 +80,12 @@ impl Merge {
         }
         for member in before {
             let key = &member.key;
-            let name = if name.is_empty() { key.clone() } else { format!("{name}.{key}") };
+            let name = if name.is_empty() { key.to_string() } else { format!("{name}.{key}") };
             let Some(other) = now.iter().find(|other| other.key == *key) else {
                 return Err(format!("`{name}` was removed"));
             };
-            let by_hand = WRITTEN_BY_HAND.contains(&key.as_str());
-            self.compare(&member.node, &other.node, (recorded || key == EXPECT) && !by_hand, &name)?;
+            let by_hand = WRITTEN_BY_HAND.contains(&&**key);
+            self.compare(&member.node, &other.node, (recorded || &**key == EXPECT) && !by_hand, &name)?;
         }
         Ok(())
     }
@@ -93,8 +93,9 @@ impl Merge {
     /// A table and the first below it may stand in the same bytes: what they come to must be the
     /// same bytes, too.
     fn place(&mut self, before: &TomlNode, now: Option<&TomlNode>) {
-        let now = now.map(|now| now.range.clone());
-        let known = self.places.entry((before.range.start, before.range.end)).or_insert_with(|| now.clone());
+        let now = now.map(TomlNode::range);
+        let known =
+            self.places.entry((before.range().start, before.range().end)).or_insert_with(|| now.clone());
         if *known != now {
             *known = None;
         }

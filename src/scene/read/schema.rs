@@ -59,7 +59,7 @@ impl Spot<'_> {
         (self.parse)(whole);
         let mut path = std::iter::once("x").chain(self.path.iter().copied());
         let at = path.try_fold(document.node(), member);
-        let Some(range) = at.map(|node| node.range.clone()) else { return Found::default() };
+        let Some(range) = at.map(TomlNode::range) else { return Found::default() };
         let mut found = Found::default();
         let Some(recorder) = report.recorder() else { return found };
         found.refused = recorder.refused.borrow().contains(&range);
@@ -79,7 +79,7 @@ impl Spot<'_> {
 /// A member of a table by its key, or an element of an array by its number.
 fn member<'a>(node: &'a TomlNode, step: &str) -> Option<&'a TomlNode> {
     match &node.value {
-        Toml::Table(members) => members.iter().find(|member| member.key == step).map(|member| &member.node),
+        Toml::Table(members) => members.iter().find(|member| &*member.key == step).map(|member| &member.node),
         Toml::Array(elements) => elements.get(step.parse::<usize>().ok()?),
         _ => None,
     }

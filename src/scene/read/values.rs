@@ -36,7 +36,7 @@ fn name_in(
     renamed: &[(&'static str, &'static str)],
 ) -> Option<usize> {
     if let Some(recorder) = value.report.recorder() {
-        recorder.names(value.node.range.clone(), names);
+        recorder.names(value.node.range(), names);
     }
     let Some(mut name) = value.text() else { return value.expected(&format!("a string ({what})")) };
     if let Some((old, new)) = renamed.iter().find(|(old, _)| *old == name) {
@@ -171,7 +171,7 @@ impl<T: Parse> Parse for Spanned<T> {
 impl<T: Parse> Parse for Vec<T> {
     fn parse(value: TomlValue<'_>) -> Option<Self> {
         let Some(elements) = value.elements() else { return value.expected("an array") };
-        let (mut parsed, mut is_whole) = (Vec::new(), true);
+        let (mut parsed, mut is_whole) = (Vec::with_capacity(elements.size_hint().0), true);
         for element in elements {
             match T::parse(element) {
                 Some(one) => parsed.push(one),

@@ -4,30 +4,36 @@ use std::collections::{HashMap, HashSet};
 use std::path::Path;
 use std::sync::Arc;
 
+use smallvec::SmallVec;
+
 use crate::accel::{Blas, Geometry, Tlas, TlasInstance};
 use crate::pipeline::map_on_threads;
 use crate::scene::geometry::GeometryEntry;
 use crate::scene::instance_entry::InstanceEntry;
 use crate::scene::mesh::model::MeshFormat;
 use crate::scene::models::Expanded;
-use crate::scene::read::Span;
 use crate::scene::resolve::Resolver;
 
-/// The instances of one TLAS; `None` where a BLAS could not be made.
+/// The instances of one TLAS.
 struct TlasMembers<'a> {
     tlas: &'a str,
-    instances: Vec<Option<SpannedInstance<'a>>>,
+    entries: Vec<&'a InstanceEntry>,
+    /// Those of the entries; `None` where a BLAS could not be made.
+    instances: Option<Vec<TlasInstance>>,
 }
 
+/// Names of geometries; most instances have one.
+type GeometryNames<'a> = SmallVec<[&'a str; 1]>;
+
 /// The names of the geometries of an instance.
-fn names_of(entry: &InstanceEntry) -> Vec<&str> {
+fn names_of(entry: &InstanceEntry) -> GeometryNames<'_> {
     entry.geometry.iter().map(|name| name.value.as_str()).collect()
 }
 
 /// A geometry that a BLAS names.
 enum Loaded {
     /// It is valid, as far as it is known, and later BLASes name it, too.
-    Stored(Geometry),
+    Stored(Box<Geometry>),
     /// The last BLAS that names it has taken it.
     Taken,
     /// What is wrong with it was reported.
@@ -48,11 +54,14 @@ impl<'a> LoadedGeometries<'a> {
     fn take(&mut self, name: &'a str, load: impl FnOnce() -> Option<Geometry>) -> Option<Geometry> {
         let uses = self.uses.entry(name).or_default();
         *uses = uses.saturating_sub(1);
-        let entry = self.loaded.entry(name).or_insert_with(|| load().map_or(Loaded::Refused, Loaded::Stored));
+        let entry = self
+            .loaded
+            .entry(name)
+            .or_insert_with(|| load().map_or(Loaded::Refused, |geometry| Loaded::Stored(Box::new(geometry))));
         match entry {
-            Loaded::Stored(geometry) if *uses > 0 => Some(geometry.clone()),
+            Loaded::Stored(geometry) if *uses > 0 => Some((**geometry).clone()),
             Loaded::Stored(_) => match std::mem::replace(entry, Loaded::Taken) {
-                Loaded::Stored(geometry) => Some(geometry),
+                Loaded::Stored(geometry) => Some(*geometry),
                 Loaded::Taken | Loaded::Refused => None,
             },
             Loaded::Taken | Loaded::Refused => None,
@@ -63,12 +72,6 @@ impl<'a> LoadedGeometries<'a> {
     fn refuse(&mut self, name: &'a str) -> bool {
         matches!(self.loaded.insert(name, Loaded::Refused), Some(Loaded::Refused))
     }
-}
-
-/// An instance with its span in the scene.
-struct SpannedInstance<'a> {
-    instance: TlasInstance,
-    span: &'a Span,
 }
 
 impl Resolver<'_> {
@@ -137,9 +140,10 @@ impl Resolver<'_> {
     pub(super) fn structures(&self) -> Vec<(String, Option<Arc<Tlas>>)> {
         let mut geometries =
             LoadedGeometries { loaded: self.load_on_threads(), ..LoadedGeometries::default() };
-        let lists: HashSet<Vec<&str>> = self.instances.iter().map(names_of).collect();
+        let lists: HashSet<GeometryNames<'_>> = self.instances.iter().map(names_of).collect();
         lists.iter().flatten().for_each(|name| *geometries.uses.entry(name).or_default() += 1);
-        let mut blases: HashMap<Vec<&str>, Option<Arc<Blas>>> = HashMap::new();
+        drop(lists);
+        let mut blases: HashMap<GeometryNames<'_>, Option<Arc<Blas>>> = HashMap::new();
         let mut instances: Vec<TlasMembers<'_>> = Vec::new();
         let mut places: HashMap<&str, usize> = HashMap::new();
         for entry in &self.instances {
@@ -148,14 +152,17 @@ impl Resolver<'_> {
                 let blas = self.blas(entry, &mut geometries);
                 blases.insert(names.clone(), blas);
             }
-            let spanned = blases[&names].clone();
-            let spanned =
-                spanned.map(|blas| SpannedInstance { instance: entry.instance(blas), span: &entry.span });
-            let at = *places.entry(&entry.tlas).or_insert_with(|| {
-                instances.push(TlasMembers { tlas: &entry.tlas, instances: Vec::new() });
+            let at = *places.entry(entry.tlas()).or_insert_with(|| {
+                let (tlas, entries) = (entry.tlas(), Vec::new());
+                instances.push(TlasMembers { tlas, entries, instances: Some(Vec::new()) });
                 instances.len() - 1
             });
-            instances[at].instances.push(spanned);
+            let members = &mut instances[at];
+            members.entries.push(entry);
+            match (&mut members.instances, &blases[&names]) {
+                (Some(list), Some(blas)) => list.push(entry.instance(blas.clone())),
+                _ => members.instances = None,
+            }
         }
         // Geometries without instances are loaded to report their errors.
         for entry in &self.geometry.entries {
@@ -166,31 +173,43 @@ impl Resolver<'_> {
                 self.report.keep(content.load(self.files, &self.open_models));
             }
         }
-        let build = |members: TlasMembers<'_>| {
-            let spanned = members.instances.into_iter().collect::<Option<Vec<_>>>();
-            (members.tlas.to_string(), spanned.and_then(|spanned| self.tlas(&spanned)))
+        let build = |members| {
+            let TlasMembers { tlas, entries, instances } = members;
+            let of = |entry| blases.get(&names_of(entry)).cloned().flatten();
+            (tlas.to_string(), instances.and_then(|instances| self.tlas(instances, &entries, &of)))
         };
         instances.into_iter().map(build).collect()
     }
 
     /// The names of the geometries of each instance of a TLAS.
-    pub(super) fn geometry_names(&self, tlas: &str) -> Vec<Vec<String>> {
-        let names = |entry: &InstanceEntry| entry.geometry.iter().map(|name| name.value.clone()).collect();
-        self.instances.iter().filter(|entry| entry.tlas == tlas).map(names).collect()
+    pub(super) fn geometry_names(&self, tlas: &str) -> Vec<Arc<[String]>> {
+        // Many instances share one list.
+        let mut known: HashMap<GeometryNames<'_>, Arc<[String]>> = HashMap::new();
+        let mut names = |entry| {
+            let list = known.entry(names_of(entry));
+            list.or_insert_with_key(|names| names.iter().map(|name| (*name).to_owned()).collect()).clone()
+        };
+        self.instances.iter().filter(|entry| entry.tlas() == tlas).map(&mut names).collect()
     }
 
-    fn tlas(&self, list: &[SpannedInstance<'_>]) -> Option<Arc<Tlas>> {
-        let instances = list.iter().map(|spanned| spanned.instance.clone()).collect();
+    /// Makes a TLAS of the instances of entries; `blas_of` gives the BLAS of each.
+    fn tlas<'s>(
+        &self,
+        instances: Vec<TlasInstance>,
+        entries: &[&'s InstanceEntry],
+        blas_of: &dyn Fn(&'s InstanceEntry) -> Option<Arc<Blas>>,
+    ) -> Option<Arc<Tlas>> {
         let error = match Tlas::with_precision(instances, self.precision) {
             Ok(tlas) => return Some(tlas),
             Err(error) => error,
         };
         // The error of a TLAS has no span: each instance is built by itself to find the wrong ones.
         let before = self.report.len();
-        for SpannedInstance { instance, span } in list {
-            if let Err(error) = Tlas::new(vec![instance.clone()]) {
+        for entry in entries {
+            let Some(blas) = blas_of(entry) else { continue };
+            if let Err(error) = Tlas::new(vec![entry.instance(blas)]) {
                 let message = error.message().trim_start_matches("instance 0: ");
-                self.report.push(span.error(message));
+                self.report.push(entry.span.error(message));
             }
         }
         if self.report.len() == before {
