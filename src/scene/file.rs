@@ -84,10 +84,26 @@ impl SceneFile {
     /// `InvalidScene` with the mistakes where nothing more can be read from the text: no TOML, no
     /// version, another version. All other mistakes go to the report.
     pub fn parse(path: impl Into<PathBuf>, text: impl Into<Arc<str>>, report: &Diagnostics) -> Result<Self> {
-        let document = Document::parse_within(path, text, report.limits())?;
+        let (path, text): (PathBuf, Arc<str>) = (path.into(), text.into());
+        let (mut geometry, mut instances) = (Vec::new(), Vec::new());
+        let mut take = |key: &str, value: TomlValue<'_>| match key {
+            "geometry" => geometry.extend(Entries::parse(value).unwrap_or_default().0),
+            _ => instances.extend(<Vec<_>>::parse(value).unwrap_or_default()),
+        };
+        let apart = Diagnostics::within(*report.limits());
+        let document = match Document::parse_apart(&path, text.clone(), &apart, &mut take) {
+            Some(document) => document,
+            None => {
+                geometry.clear();
+                instances.clear();
+                Document::parse_within(path, text, report.limits())?
+            }
+        };
         version(&document)?;
         let mut file = Self::read(&document.root(report), &document);
         drop(document);
+        file.geometry.append(&mut geometry);
+        file.instances.append(&mut instances);
         // Large scenes consist of them.
         file.document.forget(&["geometry", "instance"]);
         Ok(file)

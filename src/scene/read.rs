@@ -130,11 +130,30 @@ impl Document {
         }
     }
 
+    /// Parses a large text whose members `geometry` and `instance` are taken piece by piece, and
+    /// empty afterwards. `None` where it must be parsed as a whole, because of its size, or of
+    /// mistakes or notes that go to `report`; what was taken does not count then.
+    pub fn parse_apart(
+        path: impl Into<PathBuf>,
+        text: impl Into<Arc<str>>,
+        report: &Diagnostics,
+        take: &mut dyn FnMut(&str, TomlValue<'_>),
+    ) -> Option<Self> {
+        let source = Arc::new(TomlSource { path: path.into(), text: text.into() });
+        u32::try_from(source.text.len()).ok()?;
+        let mut take_member =
+            |one: TomlMember| take(&one.key, TomlValue { node: &one.node, source: &source, report });
+        let tree = || Ok(pieces::tree(&source.text, Some(&mut take_member)));
+        let root = contained("toml", ErrorKind::InvalidScene, tree).ok()??;
+        let is_clean = report.is_empty() && report.take_notes().is_empty();
+        is_clean.then(|| Self { source, root: Arc::new(root), whole: None })
+    }
+
     fn tree(source: &Arc<TomlSource>, limits: &InputLimits) -> Result<TomlNode> {
         if u32::try_from(source.text.len()).is_err() {
             return Err(Error::new(ErrorKind::InvalidScene, "the file has more than 4 GiB"));
         }
-        if let Some(root) = pieces::tree(&source.text) {
+        if let Some(root) = pieces::tree(&source.text, None) {
             return Ok(root);
         }
         let (root, errors) = DeTable::parse_recoverable(&source.text);

@@ -71,6 +71,17 @@ impl TomlNode {
 }
 
 impl TomlMember {
+    /// Takes the instances or geometries of a scene, if it is these, and leaves none.
+    pub(super) fn take_parts(&mut self) -> Option<Self> {
+        let parts = match (&*self.key, &mut self.node.value) {
+            ("instance", Toml::Array(elements)) => Toml::Array(std::mem::take(elements)),
+            ("geometry", Toml::Table(members)) => Toml::Table(std::mem::take(members)),
+            _ => return None,
+        };
+        let node = TomlNode { range: self.node.range, value: parts };
+        Some(Self { key: self.key.clone(), key_range: self.key_range, node })
+    }
+
     /// The bytes of the key.
     pub fn key_range(&self) -> Range<usize> {
         self.key_range.get()
@@ -89,8 +100,13 @@ impl TreeBuilder {
     /// The tree of a document or of a piece of it.
     pub(super) fn tree(&mut self, root: &Spanned<DeTable<'_>>) -> TomlNode {
         // The root has no range.
-        let value = self.table(root.get_ref());
-        TomlNode { range: TextRange { start: 0, end: 0 }, value }
+        let Toml::Table(members) = self.table(root.get_ref()) else { unreachable!("a table is one") };
+        self.root(members)
+    }
+
+    /// A root table.
+    pub(super) fn root(&self, members: Vec<TomlMember>) -> TomlNode {
+        TomlNode { range: TextRange { start: 0, end: 0 }, value: Toml::Table(members) }
     }
 
     fn range(&self, range: Range<usize>) -> TextRange {

@@ -30,12 +30,13 @@ const QUOTIENT_ERROR: f64 = 8.0 * (f64::EPSILON / 2.0);
 
 /// Tests one triangle; decides nothing but what is exact.
 pub(super) fn intersect(ray: &ObjectRay, vertices: [[f32; 3]; 3]) -> Verdict<Intersection> {
-    if ray.origin_error != [0.0; 3] || ray.direction_error != [0.0; 3] {
+    let ([a, b, c], [d, e, f]) = (ray.origin_error, ray.direction_error);
+    if a + b + c + d + e + f != 0.0 {
         return Verdict::Undecided;
     }
     let [v0, v1, v2] = array::map(vertices, |vertex| array::map(vertex, f64::from));
     let (Some((unit, [origin, v0, v1, v2])), Some((direction_unit, [d]))) =
-        (integers([ray.origin, v0, v1, v2]), integers([ray.direction]))
+        (integers(&[ray.origin, v0, v1, v2]), integers(&[ray.direction]))
     else {
         return Verdict::Undecided;
     };
@@ -82,45 +83,38 @@ pub(super) fn intersect(ray: &ObjectRay, vertices: [[f32; 3]; 3]) -> Verdict<Int
 type Vector = [i64; 3];
 
 /// Points as integers of [`BITS`] bits, in units of a power of two, whose exponent is returned, too.
+///
+/// The unit is the smallest in which the greatest coordinate has [`BITS`] bits. Scaling by a power of
+/// two rounds nothing, and a number that is an integer afterwards keeps its value in both
+/// conversions.
 #[inline]
-fn integers<const N: usize>(points: [[f64; 3]; N]) -> Option<(i32, [Vector; N])> {
-    let (mut unit, mut most) = (i32::MAX, i32::MIN);
-    for x in points.as_flattened() {
-        if *x != 0.0 {
-            let (mantissa, exponent) = parts(*x)?;
-            unit = unit.min(exponent);
-            most = most.max(exponent + (i64::BITS - mantissa.leading_zeros()) as i32);
-        }
+fn integers<const N: usize>(points: &[[f64; 3]; N]) -> Option<(i32, [Vector; N])> {
+    let mut most = 0.0;
+    for at in 0..3 * N {
+        let size = points[at / 3][at % 3].abs();
+        // Also takes a NaN, which no integer equals.
+        most = if size <= most { most } else { size };
     }
-    if unit == i32::MAX {
-        unit = 0;
-    } else if most - unit > BITS {
+    // |x| < 2^(exponent + 1).
+    let exponent = (most.to_bits() >> 52) as i32 - 1023;
+    let unit = exponent + 1 - BITS;
+    if most == 0.0 {
+        return Some((0, [[0; 3]; N]));
+    }
+    // So that the scale is a normal number. Those of f32 are far from the ends.
+    if !(-900..900).contains(&unit) {
         return None;
     }
+    let scale = f64::from_bits(((1023 - unit) as u64) << 52);
     let mut all = [[0; 3]; N];
-    for (integers, point) in all.iter_mut().zip(&points) {
-        for (integer, x) in integers.iter_mut().zip(point) {
-            if *x != 0.0 {
-                let (mantissa, exponent) = parts(*x)?;
-                let magnitude = mantissa << (exponent - unit);
-                *integer = if *x < 0.0 { -magnitude } else { magnitude };
-            }
-        }
+    let mut is_exact = true;
+    for at in 0..3 * N {
+        let scaled = points[at / 3][at % 3] * scale;
+        let integer = scaled as i64;
+        is_exact &= integer as f64 == scaled;
+        all[at / 3][at % 3] = integer;
     }
-    Some((unit, all))
-}
-
-/// m and e with |x| = m 2^e, m odd, of a number that is not 0; `None` where it is not normal.
-#[inline]
-fn parts(x: f64) -> Option<(i64, i32)> {
-    if !x.is_normal() {
-        return None;
-    }
-    let bits = x.to_bits();
-    let mantissa = bits & ((1 << 52) - 1) | 1 << 52;
-    let zeros = mantissa.trailing_zeros();
-    let exponent = (bits >> 52 & 0x7FF) as i32 - 1075;
-    Some(((mantissa >> zeros) as i64, exponent + zeros as i32))
+    is_exact.then_some((unit, all))
 }
 
 #[inline]

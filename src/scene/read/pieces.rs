@@ -20,31 +20,35 @@ use crate::scene::tree::{Toml, TomlMember, TomlNode, TreeBuilder};
 /// The bytes of a piece, at least.
 const PIECE: usize = 1 << 16;
 
-/// The tree of a large document; `None` where it must be parsed as a whole.
-pub(super) fn tree(text: &str) -> Option<TomlNode> {
-    tree_of(text, PIECE)
+/// Takes the members `geometry` and `instance` of the root table, piece by piece.
+pub(super) type Take<'a> = dyn FnMut(TomlMember) + 'a;
+
+/// The tree of a large document; `None` where it must be parsed as a whole. What is taken is left
+/// empty in it. It counts only if there is a tree in the end.
+pub(super) fn tree(text: &str, take: Option<&mut Take<'_>>) -> Option<TomlNode> {
+    tree_of(text, PIECE, take)
 }
 
-fn tree_of(text: &str, least: usize) -> Option<TomlNode> {
-    let mut pieces = cut(text, least)?.into_iter();
+fn tree_of(text: &str, least: usize, mut take: Option<&mut Take<'_>>) -> Option<TomlNode> {
     let mut builder = TreeBuilder::default();
-    let mut root = parse(&mut builder, text, pieces.next()?)?;
-    let Toml::Table(members) = &mut root.value else { return None };
-    for piece in pieces {
-        let Toml::Table(more) = parse(&mut builder, text, piece)?.value else { return None };
-        for member in more {
-            join(members, member, text)?;
-        }
-    }
     let mut names: FxHashSet<Arc<str>> = FxHashSet::default();
-    let geometries = members.iter().find(|member| &*member.key == "geometry");
-    if let Some(Toml::Table(geometries)) = geometries.map(|member| &member.node.value) {
-        let is_new = |member: &TomlMember| names.insert(member.key.clone());
-        if !geometries.iter().all(is_new) {
-            return None;
+    let mut members = Vec::new();
+    for piece in cut(text, least)? {
+        let Toml::Table(more) = parse(&mut builder, text, piece)?.value else { return None };
+        for mut member in more {
+            if let ("geometry", Toml::Table(geometries)) = (&*member.key, &member.node.value)
+                && !geometries.iter().all(|geometry| names.insert(geometry.key.clone()))
+            {
+                return None;
+            }
+            let taken = take.is_some().then(|| member.take_parts()).flatten();
+            join(&mut members, member, text)?;
+            if let (Some(taken), Some(take)) = (taken, &mut take) {
+                take(taken);
+            }
         }
     }
-    Some(root)
+    Some(builder.root(members))
 }
 
 /// The ranges of the pieces, at least two. `None` also where a header may define `geometry` or
@@ -125,8 +129,15 @@ mod tests {
             [geometry.c]\n[pipeline]\nmiss = { a = 1, b = [true] }\n[[instance]]\n[[pass]]\n[[pass]]\n";
         for text in [format!("{HEAD}{tables}"), tables.to_owned()] {
             for least in [1, 40, 100] {
-                let found = tree_of(&text, least).expect(&text);
+                let found = tree_of(&text, least, None).expect(&text);
                 assert_eq!(found, whole(&text), "{least}: {text}");
+                // The same where the parts are taken, and put back.
+                let mut taken: Vec<TomlMember> = Vec::new();
+                let mut left = tree_of(&text, least, Some(&mut |one| taken.push(one))).expect(&text);
+                let Toml::Table(members) = &mut left.value else { panic!("no table") };
+                assert!(taken.len() > 2);
+                taken.into_iter().for_each(|one| join(members, one, &text).expect("a part"));
+                assert_eq!(left, whole(&text), "{least}: {text}");
             }
             assert!(cut(&text, 1).unwrap().len() >= 5);
         }
@@ -135,8 +146,8 @@ mod tests {
     #[test]
     fn what_pieces_cannot_tell_is_parsed_as_a_whole() {
         let one = "[geometry.a]\nx = 1\n[[instance]]\ny = 1\n[geometry.b]\nx = 1\n[[instance]]\ny = 2\n";
-        assert!(tree_of(one, 1).is_some());
-        assert!(tree_of(one, one.len()).is_none(), "small");
+        assert!(tree_of(one, 1, None).is_some());
+        assert!(tree_of(one, one.len(), None).is_none(), "small");
         for (before, after) in [
             // Mistakes that show only between pieces.
             ("", "[geometry.a]\nx = 2\n"),
@@ -153,7 +164,7 @@ mod tests {
             ("x = [\n[[instance]]\n", "]\n"),
             ("", "x = = 1\n"),
         ] {
-            assert!(tree_of(&format!("{before}{one}{after}"), 1).is_none(), "{before} {after}");
+            assert!(tree_of(&format!("{before}{one}{after}"), 1, None).is_none(), "{before} {after}");
         }
     }
 }

@@ -219,7 +219,7 @@ impl Resolver<'_> {
     }
 
     fn blas<'s>(&'s self, entry: &'s InstanceEntry, loaded: &mut LoadedGeometries<'s>) -> Option<Arc<Blas>> {
-        let mut geometries = Vec::new();
+        let mut geometries = Vec::with_capacity(entry.geometry.len());
         for name in entry.geometry.iter() {
             let geometry = loaded.take(name.value.as_str(), || {
                 let found = self.find(&self.geometry, name, "geometry")?;
@@ -250,5 +250,67 @@ impl Resolver<'_> {
             self.report.push(error.at(entry.span.place()));
         }
         None
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::path::Path;
+
+    use crate::accel::Primitive;
+    use crate::error::Result;
+    use crate::scene::files::EmbeddedFiles;
+    use crate::scene::resolve::{LoadOptions, load_text};
+    use crate::scene::resolved::ResolvedScene;
+
+    /// So many spheres side by side, each an instance of its own geometry, as a text of several
+    /// pieces.
+    fn text(count: usize) -> String {
+        let geometry = |at| {
+            format!("[geometry.g{at}]\ntype = \"spheres\"\npositions = [[{at}.5, 0, 0]]\nradii = [0.25]\n")
+        };
+        let instance = |at| format!("[[instance]]\ngeometry = \"g{at}\"\ncustom_index = {at}\n");
+        let geometries: String = (0..count).map(geometry).collect();
+        format!("version = 1\n{geometries}{}", (0..count).map(instance).collect::<String>())
+    }
+
+    fn load(text: &str) -> Result<ResolvedScene> {
+        load_text(Path::new("s.toml"), text, &EmbeddedFiles(&[]), &LoadOptions::default())
+    }
+
+    #[test]
+    fn a_large_scene_has_every_geometry_and_instance() {
+        let count = 4000;
+        let text = text(count);
+        assert!(text.len() > 1 << 18);
+        let scene = load(&text).unwrap();
+        let (_, tlas) = &scene.tlas[0];
+        assert_eq!((tlas.instances().len(), scene.geometry_names[0].len()), (count, count));
+        for (at, (instance, names)) in tlas.instances().iter().zip(&scene.geometry_names[0]).enumerate() {
+            assert_eq!((instance.custom_index as usize, &names[..]), (at, &[format!("g{at}")][..]));
+            let sphere = Primitive::Sphere { position: [at as f32 + 0.5, 0.0, 0.0], radius: 0.25 };
+            assert_eq!(instance.blas.primitive(0, 0, 0.0), Some(sphere));
+        }
+        assert_eq!(scene.document.source().text[..], text);
+    }
+
+    #[test]
+    fn mistakes_of_a_large_scene_are_shown_where_they_are() {
+        let text = text(4000);
+        for (from, to, message) in [
+            ("custom_index = 3210\n", "custom_index = 99999999\n", "24 bits"),
+            ("\"g3210\"", "\"h\"", "no geometry is named `h`"),
+            ("[[instance]]\ngeometry = \"g3210\"", "[[instance]]\nx = = \"g3210\"", "not TOML"),
+            ("[geometry.g3210]", "[geometry.g321]", "duplicate key"),
+        ] {
+            let broken = text.replacen(from, to, 1);
+            assert_ne!(broken, text);
+            let error = load(&broken).unwrap_err().render();
+            let line = text[..text.find(from).unwrap()].matches('\n').count() + 1;
+            let line = line + from.matches('\n').count() * usize::from(from.starts_with('['));
+            assert!(error.contains(message), "{error}");
+            assert!(error.contains(&format!("s.toml:{line}:")), "line {line}: {error}");
+        }
     }
 }
