@@ -181,7 +181,11 @@ impl Blas {
     /// The primitives in the form that traversal takes; builds on first use.
     #[inline]
     pub(super) fn built(&self) -> &BuiltBlas {
-        self.built.get_or_init(|| BuiltBlas::build(&self.geometries))
+        self.built.get_or_init(|| {
+            // The build needs the memory of the list, which no further ray uses.
+            self.for_few().list = None;
+            BuiltBlas::build(&self.geometries)
+        })
     }
 
     /// The primitives as [`Blas::built`] has them, if they are built already.

@@ -87,7 +87,7 @@ impl NodeRef {
 
 /// An inner node: the boxes of its children in scaled units, as a structure of arrays. It fills
 /// four cache lines.
-#[derive(Clone, Copy, Debug, NoUninit, Zeroable)]
+#[derive(Clone, Copy, Debug, NoUninit)]
 #[repr(C, align(64))]
 pub(super) struct Node {
     /// For each axis the lower planes, then the upper ones.

@@ -373,23 +373,24 @@ fn join(mut parts: Vec<Subtree>, leaf_size: usize, threads: BuildThreads) -> Sub
         node_count += part.nodes.len();
         order_count += part.order.len();
     }
-    // Zeroed memory takes room once it is written, and each part is freed as soon as it is copied:
-    // large trees are hardly ever there twice.
-    let mut nodes: Vec<Node> = bytemuck::zeroed_vec(node_count);
-    let mut order: Vec<u32> = bytemuck::zeroed_vec(order_count);
-    let (mut other_nodes, mut other_order) = (&mut nodes[..], &mut order[..]);
-    let mut copies = Vec::with_capacity(parts.len());
-    for (part, start) in parts.into_iter().zip(starts) {
-        let (to_nodes, to_order);
-        (to_nodes, other_nodes) = other_nodes.split_at_mut(part.nodes.len());
-        (to_order, other_order) = other_order.split_at_mut(part.order.len());
-        copies.push((part, start, to_nodes, to_order));
-    }
-    threads.map(copies, |(part, (first_node, first_in_order), nodes, order)| {
-        nodes.copy_from_slice(&part.nodes);
-        nodes.iter_mut().for_each(|node| node.offset_children(first_node, first_in_order / leaf_size));
-        order.copy_from_slice(&part.order);
+    let nodes = threads.collect(node_count, |at| {
+        // Parts without nodes start where the next one does.
+        let part = starts.partition_point(|&(first_node, _)| first_node <= at) - 1;
+        let (first_node, first_in_order) = starts[part];
+        let mut node = parts[part].nodes[at - first_node];
+        node.offset_children(first_node, first_in_order / leaf_size);
+        node
     });
+    let mut order = vec![0; order_count];
+    let mut rest = &mut order[..];
+    let mut copies = Vec::with_capacity(parts.len());
+    for part in &parts {
+        let (to, others) = rest.split_at_mut(part.order.len());
+        copies.push((to, &part.order));
+        rest = others;
+    }
+    threads.map(copies, |(to, from)| to.copy_from_slice(from));
+    threads.map(parts, drop);
     Subtree { root, nodes, order, depth }
 }
 

@@ -255,7 +255,6 @@ impl Resolver<'_> {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use std::path::Path;
 
     use crate::accel::Primitive;
