@@ -6,6 +6,7 @@
 //! are divided (`binned_sah`) affects only time.
 
 pub(super) mod growth;
+mod parts;
 
 use std::ops::Range;
 
@@ -13,12 +14,13 @@ use smallvec::SmallVec;
 
 use crate::accel::binned_sah::{BinnedSahBuilder, Children, SahCost};
 use crate::accel::build_record::BuildRecord;
-use crate::accel::build_threads::{BuildThreads, PARALLEL_BUILD_MIN};
+use crate::accel::build_threads::BuildThreads;
 use crate::accel::chunked_partition::record_of_chunks;
 use crate::accel::geometry_data::bytes_of;
 use crate::accel::node::{Node, NodeRef, WIDTH};
 use crate::accel::prim_ref::{INFINITY_PROXY, PrimRef};
 use crate::accel::unit_cube::scale_boxes;
+use crate::accel::wide_bvh::parts::{PartLists, build_parts, is_one_part};
 use crate::accel::world_space_ray::WorldSpaceTree;
 use crate::geometry::Bounds;
 use crate::math::array;
@@ -82,9 +84,13 @@ impl WideBvh {
         }
         let (bounds, scale) = scale_boxes(&mut prim_refs, threads);
         let whole = record_of_chunks(&prim_refs, threads);
-        let parts = build_parts(&mut prim_refs, &whole, 0, cost, max_sah_depth, threads);
-        let Subtree { root, nodes, order, depth } =
-            threads.drop_while(prim_refs, || join(parts, cost.max_leaf_size, threads));
+        let lists = PartLists::new(cost, max_sah_depth, threads);
+        let Subtree { root, nodes, order, depth } = if is_one_part(&prim_refs, threads) {
+            lists.whole(&mut prim_refs, &whole)
+        } else {
+            let parts = build_parts(&mut prim_refs, &whole, 0, &lists);
+            threads.drop_while(prim_refs, || lists.join(&parts))
+        };
         let world_space = WorldSpaceTree::new(scale);
         Some((Self { nodes, leaves: Vec::new(), root, depth, bounds, scale, world_space }, order))
     }
@@ -273,6 +279,19 @@ impl BvhBuilder {
         NodeRef::inner(node_index)
     }
 
+    /// [`Self::build_subtree`] of an empty tree.
+    fn build_small_subtree(
+        &mut self,
+        prim_refs: &mut [PrimRef],
+        whole: &BuildRecord,
+        depth: usize,
+    ) -> NodeRef {
+        // Usually enough.
+        self.tree.nodes.reserve(prim_refs.len() / 4);
+        self.tree.order.reserve(prim_refs.len() + prim_refs.len() / 4);
+        self.build_subtree(prim_refs, whole, depth)
+    }
+
     /// Divides references, those of a record, among the children of a node.
     fn divide(&mut self, prim_refs: &mut [PrimRef], whole: &BuildRecord, depth: usize) -> Children {
         let median_split = depth >= self.max_sah_depth;
@@ -308,92 +327,6 @@ fn node_over(children: &[BuildRecord]) -> Node {
     Node::new(&boxes.collect::<SmallVec<[_; WIDTH]>>())
 }
 
-/// Builds the tree over references, those of a record, as parts that follow one another in
-/// depth-first order. Several threads make a part of each subtree that is small enough, and of each
-/// node above.
-fn build_parts(
-    prim_refs: &mut [PrimRef],
-    whole: &BuildRecord,
-    depth: usize,
-    cost: SahCost,
-    max_sah_depth: usize,
-    threads: BuildThreads,
-) -> Vec<Subtree> {
-    let mut builder = BvhBuilder::new(cost, max_sah_depth, threads);
-    if threads == BuildThreads::One || prim_refs.len() <= PARALLEL_BUILD_MIN {
-        // Usually enough.
-        builder.tree.nodes.reserve(prim_refs.len() / 4);
-        builder.tree.order.reserve(prim_refs.len() + prim_refs.len() / 4);
-        builder.tree.root = builder.build_subtree(prim_refs, whole, depth);
-        builder.pad_order();
-        return vec![builder.tree];
-    }
-    let records = builder.divide(prim_refs, whole, depth);
-    let mut node = node_over(&records);
-    let mut rest = prim_refs;
-    let mut children = Vec::with_capacity(WIDTH);
-    for &record in records.iter() {
-        let (these, others) = rest.split_at_mut(record.count());
-        children.push((these, record));
-        rest = others;
-    }
-    let children = threads.map(children, |(these, record)| {
-        if !record.is_leaf {
-            return build_parts(these, &record, depth + 1, cost, max_sah_depth, threads);
-        }
-        let mut builder = BvhBuilder::new(cost, max_sah_depth, threads);
-        builder.tree.root = builder.make_leaf(these);
-        builder.pad_order();
-        vec![builder.tree]
-    });
-    let (mut nodes, mut leaves) = (1, 0);
-    for (slot, parts) in children.iter().enumerate() {
-        node.set_child(slot, parts[0].root.offset_by(nodes, leaves));
-        nodes += parts.iter().map(|part| part.nodes.len()).sum::<usize>();
-        leaves += parts.iter().map(|part| part.order.len()).sum::<usize>() / cost.max_leaf_size;
-    }
-    let root = NodeRef::inner(0);
-    let above = Subtree { root, nodes: vec![node], order: Vec::new(), depth: depth + 1 };
-    std::iter::once(above).chain(children.into_iter().flatten()).collect()
-}
-
-/// Joins parts that follow one another.
-fn join(mut parts: Vec<Subtree>, leaf_size: usize, threads: BuildThreads) -> Subtree {
-    if parts.len() == 1 {
-        let mut whole = parts.remove(0);
-        whole.nodes.shrink_to_fit();
-        whole.order.shrink_to_fit();
-        return whole;
-    }
-    let (root, depth) = (parts[0].root, parts.iter().map(|part| part.depth).max().unwrap_or(0));
-    let mut starts = Vec::with_capacity(parts.len());
-    let (mut node_count, mut order_count) = (0, 0);
-    for part in &parts {
-        starts.push((node_count, order_count));
-        node_count += part.nodes.len();
-        order_count += part.order.len();
-    }
-    let nodes = threads.collect(node_count, |at| {
-        // Parts without nodes start where the next one does.
-        let part = starts.partition_point(|&(first_node, _)| first_node <= at) - 1;
-        let (first_node, first_in_order) = starts[part];
-        let mut node = parts[part].nodes[at - first_node];
-        node.offset_children(first_node, first_in_order / leaf_size);
-        node
-    });
-    let mut order = vec![0; order_count];
-    let mut rest = &mut order[..];
-    let mut copies = Vec::with_capacity(parts.len());
-    for part in &parts {
-        let (to, others) = rest.split_at_mut(part.order.len());
-        copies.push((to, &part.order));
-        rest = others;
-    }
-    threads.map(copies, |(to, from)| to.copy_from_slice(from));
-    threads.map(parts, drop);
-    Subtree { root, nodes, order, depth }
-}
-
 /// The corners of a record as a node stores them, with infinite sides.
 #[inline]
 fn corners(record: &BuildRecord) -> [[f32; 3]; 2] {
@@ -405,6 +338,7 @@ fn corners(record: &BuildRecord) -> [[f32; 3]; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::accel::build_threads::PARALLEL_BUILD_MIN;
     use crate::math::random::Random;
 
     const FOURS: SahCost = SahCost { max_leaf_size: 4, traversal: 1.0, intersection: 0.5, split_below: 1.0 };
