@@ -156,7 +156,7 @@ impl Document {
         if let Some(root) = pieces::tree(&source.text, None) {
             return Ok(root);
         }
-        let (root, errors) = DeTable::parse_recoverable(&source.text);
+        let (root, errors) = parse_table(&source.text);
         if errors.is_empty() {
             return Ok(TreeBuilder::default().tree(&root));
         }
@@ -210,6 +210,11 @@ impl Document {
     pub fn source(&self) -> &Arc<TomlSource> {
         &self.source
     }
+}
+
+/// Parses a document or a piece of it.
+fn parse_table(text: &str) -> (toml::Spanned<DeTable<'_>>, Vec<toml::de::Error>) {
+    DeTable::parse_recoverable(text)
 }
 
 /// A type that can be read from a TOML value. `None` means that an error has been reported.

@@ -9,7 +9,7 @@ use std::collections::{HashMap, HashSet};
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-use tobj::{LoadError, LoadOptions};
+use tobj::{LoadError, LoadOptions, Mesh as ObjMesh, Model as ObjModel};
 
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::escape;

@@ -5,17 +5,16 @@
 //! Such a text is cut before some of the headers `[[instance]]` and `[geometry.NAME]`, its pieces
 //! are parsed one after another, and their trees are joined.
 //!
-//! If all pieces are TOML, no cut is within a string, an array or a table: the piece before it would
-//! not end properly. The joined tree is then that of the whole text, unless a name is defined in
+//! If all pieces are TOML, no cut is within a string, an array or a table: the piece before it
+//! would not end properly. The joined tree is then that of the whole text, unless a name is defined in
 //! several pieces in another way than by these headers. Such texts, and those with mistakes, are
 //! parsed as a whole.
 
 use std::sync::Arc;
 
-use rustc_hash::FxHashSet;
-use toml::de::DeTable;
-
+use crate::scene::read::parse_table;
 use crate::scene::tree::{Toml, TomlMember, TomlNode, TreeBuilder};
+use rustc_hash::FxHashSet;
 
 /// The bytes of a piece, at least.
 const PIECE: usize = 1 << 16;
@@ -79,7 +78,7 @@ fn cut(text: &str, least: usize) -> Option<Vec<std::ops::Range<usize>>> {
 
 fn parse(builder: &mut TreeBuilder, text: &str, piece: std::ops::Range<usize>) -> Option<TomlNode> {
     builder.base = piece.start;
-    let (root, errors) = DeTable::parse_recoverable(&text[piece]);
+    let (root, errors) = parse_table(&text[piece]);
     errors.is_empty().then(|| builder.tree(&root))
 }
 
@@ -113,7 +112,7 @@ mod tests {
     use super::*;
 
     fn whole(text: &str) -> TomlNode {
-        let (root, errors) = DeTable::parse_recoverable(text);
+        let (root, errors) = parse_table(text);
         assert!(errors.is_empty(), "{text}");
         TreeBuilder::default().tree(&root)
     }

@@ -8,7 +8,7 @@
 
 use std::collections::HashMap;
 
-use tobj::{Mesh, Model};
+use crate::scene::mesh::obj::{ObjMesh, ObjModel};
 
 /// No texture coordinate, no normal, no vertex.
 const NONE: u32 = u32::MAX;
@@ -50,12 +50,12 @@ struct Reader {
     unlisted: HashMap<[u32; 3], u32>,
     vertices: Vec<Vertex>,
     indices: Vec<u32>,
-    models: Vec<Model>,
+    models: Vec<ObjModel>,
 }
 
 /// The groups of a file, each with its material's place among `materials`; `None` where `tobj` must
 /// read it.
-pub(super) fn read(bytes: &[u8], materials: &[String]) -> Option<Vec<Model>> {
+pub(super) fn read(bytes: &[u8], materials: &[String]) -> Option<Vec<ObjModel>> {
     let text = std::str::from_utf8(bytes).ok()?;
     let places: HashMap<&str, usize> = materials.iter().map(String::as_str).zip(0..).collect();
     let mut reader = Reader::default();
@@ -167,7 +167,7 @@ impl Reader {
         if self.indices.is_empty() {
             return Some(());
         }
-        let mut mesh = Mesh { material_id: material, ..Mesh::default() };
+        let mut mesh = ObjMesh { material_id: material, ..ObjMesh::default() };
         mesh.positions.reserve_exact(3 * self.vertices.len());
         for Vertex { corner, .. } in self.vertices.drain(..) {
             let position = corner.position as usize;
@@ -186,7 +186,7 @@ impl Reader {
         self.unlisted.clear();
         mesh.indices = std::mem::take(&mut self.indices);
         mesh.indices.shrink_to_fit();
-        self.models.push(Model { mesh, name: name.to_owned() });
+        self.models.push(ObjModel { mesh, name: name.to_owned() });
         Some(())
     }
 }
@@ -260,26 +260,16 @@ fn index(digits: &[u8], count: usize) -> Option<u32> {
 
 #[cfg(test)]
 mod tests {
-    use std::io::Read;
+    use std::path::Path;
 
     use super::*;
     use crate::math::random::Random;
+    use crate::scene::mesh::obj::read_with_tobj;
 
     /// The groups as `tobj` reads them: the judge.
-    fn judged(text: &str, materials: &[String]) -> Vec<Model> {
-        let options = tobj::LoadOptions {
-            triangulate: true,
-            single_index: true,
-            ignore_points: true,
-            ignore_lines: true,
-        };
-        let material = |name: &String| tobj::Material { name: name.clone(), ..Default::default() };
-        let loader = |_: &std::path::Path| {
-            let places: HashMap<String, usize> = materials.iter().cloned().zip(0..).collect();
-            Ok((materials.iter().map(material).collect(), places.into_iter().collect()))
-        };
-        let mut bytes = (&b"mtllib names\n"[..]).chain(text.as_bytes());
-        let mut models = tobj::load_obj_buf(&mut bytes, &options, loader).expect(text).0;
+    fn judged(text: &str, materials: &[String]) -> Vec<ObjModel> {
+        let models = read_with_tobj(Path::new("m.obj"), text.as_bytes(), materials);
+        let mut models = models.expect(text);
         models.retain(|model| !model.mesh.indices.is_empty());
         models
     }
