@@ -191,6 +191,11 @@ impl Document {
         whole.get_or_init(|| parse().unwrap_or_else(|_| (*self.root).clone()))
     }
 
+    /// The root table as it was parsed, without what [`Document::forget`] has freed.
+    pub fn read_node(&self) -> &TomlNode {
+        &self.root
+    }
+
     /// Frees members of the root table that have been read, which are large. [`Document::root`]
     /// lacks them from here on.
     pub fn forget(&mut self, keys: &[&str]) {

@@ -132,7 +132,9 @@ impl Resolver<'_> {
         let (models, files) = (&self.open_models, self.files);
         let loaded = map_on_threads(from_files.len(), |at| from_files[at].1.load(files, models).ok());
         let loaded = from_files.iter().zip(loaded);
-        loaded.filter_map(|((name, _), geometry)| Some((*name, Loaded::Stored(geometry?)))).collect()
+        loaded
+            .filter_map(|((name, _), geometry)| Some((*name, Loaded::Stored(Box::new(geometry?)))))
+            .collect()
     }
 
     /// Builds a BLAS for every list of geometries, and a TLAS for every name. A name without a

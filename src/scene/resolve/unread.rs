@@ -10,6 +10,7 @@ use std::collections::HashSet;
 use crate::scene::address_entry::AddressChoice;
 use crate::scene::descriptor_kind::DescriptorKind;
 use crate::scene::file::RayEntry;
+use crate::scene::instance_entry::InstanceEntry;
 use crate::scene::pass_entry::PassWorkEntry;
 use crate::scene::read::{Document, Spanned};
 use crate::scene::read_file::file_error;
@@ -118,16 +119,15 @@ impl Resolver<'_> {
             let entry = self.geometry.get(&name.value).and_then(|entry| entry.content.as_ref());
             entry.is_none_or(|entry| entry.has_files())
         };
-        let mut unreached: HashSet<String> = HashSet::new();
-        let placed = self.models.iter().filter(|model| model.instances).map(|model| &model.tlas);
-        let listed = self.instances.iter().filter(|entry| !unreached.contains(&entry.tlas));
-        let listed = listed.filter(|entry| entry.geometry.iter().any(has_file)).map(|entry| &entry.tlas);
-        let names: Vec<String> = placed.chain(listed).cloned().collect();
-        unreached.extend(names.into_iter().filter(|name| !reached.contains(name) && !mentions.say(name)));
+        let placed = self.models.iter().filter(|model| model.instances).map(|model| model.tlas.as_str());
+        let listed = self.instances.iter().filter(|entry| entry.geometry.iter().any(has_file));
+        let names: HashSet<&str> = placed.chain(listed.map(InstanceEntry::tlas)).collect();
+        let names = names.into_iter().filter(|name| !reached.contains(*name) && !mentions.say(name));
+        let unreached: HashSet<String> = names.map(str::to_owned).collect();
         if unreached.is_empty() {
             return;
         }
-        self.instances.retain(|entry| !unreached.contains(&entry.tlas));
+        self.instances.retain(|entry| !unreached.contains(entry.tlas()));
         for model in self.models.iter_mut().filter(|model| unreached.contains(&model.tlas)) {
             model.instances = false;
         }
@@ -146,18 +146,16 @@ impl Resolver<'_> {
     }
 
     fn leave_out_geometry(&mut self, mentions: &Mentions) {
-        let placed: HashSet<String> = self
-            .instances
-            .iter()
-            .flat_map(|entry| entry.geometry.iter())
-            .map(|name| name.value.clone())
-            .collect();
+        let names = self.instances.iter().flat_map(|entry| entry.geometry.iter());
+        let placed: HashSet<&str> = names.map(|name| name.value.as_str()).collect();
+        // A name that no geometry has may be one of a model.
+        let names_models = placed.iter().any(|name| self.geometry.get(name).is_none());
         let mut unread = Vec::new();
         for (at, entry) in self.geometry.entries.iter().enumerate() {
             let Some(content) = entry.content.as_ref().filter(|content| content.has_files()) else {
                 continue;
             };
-            if !placed.contains(&entry.name.value) && !mentions.say(&entry.name.value) {
+            if !placed.contains(entry.name.value.as_str()) && !mentions.say(&entry.name.value) {
                 unread.push((at, content.named_files()));
             }
         }
@@ -167,9 +165,7 @@ impl Resolver<'_> {
             let name = entry.name.value.clone();
             self.leave_out("geometry", &name, files, NO_INSTANCE);
         }
-        // A name that no geometry has may be one of a model.
-        let is_of_model = |name: &String| self.geometry.get(name).is_none();
-        if mentions.name_meshes || placed.iter().any(is_of_model) {
+        if mentions.name_meshes || names_models {
             return;
         }
         for model in std::mem::take(&mut self.models) {
@@ -225,7 +221,7 @@ struct Mentions {
 impl Mentions {
     fn of(documents: &[Document]) -> Self {
         let mut mentions = Self::default();
-        documents.iter().for_each(|document| mentions.add(&mut Vec::new(), document.node()));
+        documents.iter().for_each(|document| mentions.add(&mut Vec::new(), document.read_node()));
         mentions
     }
 
