@@ -40,17 +40,26 @@ pub trait Explain {
 
 /// A ray or a shader run, kept so that it can be explained.
 pub(super) enum Explanation {
-    /// A ray; it is traced again, on a copy of the resources that it was given.
-    Ray { pipeline: Pipeline, tlas: Arc<Tlas>, operands: RayOperands, resources: Resources },
+    /// A ray; it is traced again.
+    Ray(Box<TracedRay>),
     /// A single shader: its events, and what answered its calls.
     Shader { program: Arc<Program>, events: Vec<Event>, calls: Vec<String>, memory: DeviceMemory },
+}
+
+/// A ray that a host traced.
+pub(super) struct TracedRay {
+    pub pipeline: Pipeline,
+    pub tlas: Arc<Tlas>,
+    pub operands: RayOperands,
+    /// The resources that it was given; it is traced again on a copy.
+    pub resources: Resources,
 }
 
 /// What is explained, without its events.
 impl fmt::Debug for Explanation {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
-            Self::Ray { .. } => "Explanation(a ray)",
+            Self::Ray(_) => "Explanation(a ray)",
             Self::Shader { .. } => "Explanation(a shader)",
         })
     }
@@ -60,7 +69,8 @@ impl Explanation {
     /// Renders the explanation.
     pub(super) fn text(&self) -> String {
         let (title, pipeline, events, calls, memory) = match self {
-            Self::Ray { pipeline, tlas, operands, resources } => {
+            Self::Ray(ray) => {
+                let TracedRay { pipeline, tlas, operands, resources } = &**ray;
                 let (own, resources) = memory::copied_for_run(pipeline, resources);
                 let launch = Launch { pipeline: &own, resources: &resources };
                 let mut events: Vec<Event> = Vec::new();
@@ -91,7 +101,8 @@ impl Explanation {
     /// explanation still stands.
     #[cfg(feature = "scenes")]
     fn add_lines(&self, root: &mut Step) {
-        let Self::Ray { pipeline, tlas, operands, resources } = self else { return };
+        let Self::Ray(ray) = self else { return };
+        let TracedRay { pipeline, tlas, operands, resources } = &**ray;
         let runs = FollowedRuns::of_deciders(root);
         if runs == FollowedRuns::Only(Vec::new()) {
             return;

@@ -12,7 +12,7 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::geometry::Ray;
 use crate::harness::bound::{Bound, reads_what_is_bound};
 use crate::harness::data::{HostBytes, TypedBytes};
-use crate::harness::explain::{Explain, Explanation};
+use crate::harness::explain::{Explain, Explanation, TracedRay};
 use crate::harness::image_views;
 use crate::harness::layout::{Layout, Rules};
 use crate::harness::memory;
@@ -416,7 +416,8 @@ impl Pipeline {
         });
         let given = scene.resources().clone();
         let (pipeline, tlas) = (self.clone(), scene.tlas().clone());
-        let explanation = Arc::new(Explanation::Ray { pipeline, tlas, operands, resources: given });
+        let ray = TracedRay { pipeline, tlas, operands, resources: given };
+        let explanation = Arc::new(Explanation::Ray(Box::new(ray)));
         let mut payload = data.as_ref().map_or_else(Value::nothing, TypedBytes::value);
         payload.explained_by(&explanation);
         let custom_index = outcome.committed.map_or(0, |hit| scene.custom_index(hit.candidate.instance));

@@ -56,7 +56,7 @@ pub struct DeferredFile {
 
 #[derive(Clone, Debug)]
 enum FilePlace {
-    Disk { path: PathBuf, root: Option<RootFolder>, limits: InputLimits },
+    Disk { path: PathBuf, root: Option<RootFolder>, limits: Box<InputLimits> },
     Held(Arc<[u8]>),
 }
 
@@ -70,7 +70,8 @@ impl DeferredFile {
     /// As [`Files::read`](crate::scene::Files::read), but for what only reading finds.
     pub fn on_disk(path: &Path, root: Option<&RootFolder>, limits: InputLimits) -> Result<Self> {
         check_regular(path, root)?;
-        let place = FilePlace::Disk { path: path.to_path_buf(), root: root.cloned(), limits };
+        let place =
+            FilePlace::Disk { path: path.to_path_buf(), root: root.cloned(), limits: Box::new(limits) };
         Ok(Self { place, budget: Arc::default() })
     }
 

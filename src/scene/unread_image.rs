@@ -193,14 +193,14 @@ mod tests {
         let scene_of = |read_all| scene(&file, read_all);
         let lazy = scene_of(false).expect("a scene");
         for error in [
-            lazy.run::<64>(&lazy.resources, &|_| ()).err().expect("an error"),
-            scene_of(true).err().expect("an error"),
+            lazy.run::<64>(&lazy.resources, &|_| ()).expect_err("an error"),
+            scene_of(true).expect_err("an error"),
         ] {
             let text = error.render();
             assert_eq!(error.kind(), ErrorKind::InvalidImage, "{text}");
             assert!(text.contains("a.png") && text.contains("scene.toml:"), "{text}");
         }
-        let error = lazy.run::<1>(&lazy.resources, &|_| ()).err().expect("an error");
+        let error = lazy.run::<1>(&lazy.resources, &|_| ()).expect_err("an error");
         assert!(error.notes().iter().any(|note| note.contains("launch id (0, 0, 0)")), "{error}");
     }
 
@@ -212,7 +212,7 @@ mod tests {
         let scene = scene(&file, false).expect("a scene");
         let other = Picture { format: Format::RGBA8_SRGB, extent: [2, 4], texels: vec![0; 32] };
         std::fs::write(&file, other.encode_png(PixelEncoding::STORED).expect("a PNG")).expect("a file");
-        let error = scene.run::<64>(&scene.resources, &|_| ()).err().expect("an error");
+        let error = scene.run::<64>(&scene.resources, &|_| ()).expect_err("an error");
         assert!(error.message().contains("the file has changed"), "{error}");
     }
 }

@@ -118,7 +118,7 @@ impl Resolver<'_> {
     /// Loads the geometries of instances that are read from files at the same time, where there are
     /// several: those that can be loaded, by their names. Errors are reported where the others are
     /// used.
-    fn load_on_threads<'s>(&'s self) -> HashMap<&'s str, Loaded> {
+    fn load_on_threads(&self) -> HashMap<&str, Loaded> {
         let mut used = HashSet::new();
         let names = self.instances.iter().flat_map(|entry| entry.geometry.iter());
         let names = names.map(|name| name.value.as_str()).filter(|name| used.insert(*name));

@@ -29,7 +29,7 @@ const NO_INSTANCE: &str = "no instance that a ray can reach has it";
 impl Resolver<'_> {
     /// Leaves out what nothing reads, if that saves opening a file.
     pub(super) fn leave_out_unread(&mut self) {
-        let has_files = self.models.iter().next().is_some()
+        let has_files = !self.models.is_empty()
             || self
                 .geometry
                 .entries
@@ -382,9 +382,9 @@ mod tests {
         }
         // A host may trace rays.
         let host = load(folder.path(), &format!("{MESH}{INSTANCE}"), false, LoadOptions::default());
-        assert!(host.err().expect("an error").render().contains("broken.obj"));
+        assert!(host.expect_err("an error").render().contains("broken.obj"));
         for more in [PICTURE, MESH, MODEL] {
-            let error = scene(folder.path(), more, true).err().expect("an error").render();
+            let error = scene(folder.path(), more, true).expect_err("an error").render();
             assert!(error.contains("broken."), "{more}: {error}");
         }
     }
@@ -394,7 +394,7 @@ mod tests {
         let folder = folder();
         for more in [PICTURE, DATA, MESH, MODEL] {
             let more = more.replace("broken", "absent");
-            let error = scene(folder.path(), &more, false).err().expect("an error").render();
+            let error = scene(folder.path(), &more, false).expect_err("an error").render();
             assert!(error.contains("absent.") && error.contains("s.toml:"), "{error}");
         }
     }
