@@ -14,8 +14,8 @@ impl FollowedRuns {
     /// The runs of any-hit and intersection shaders that decided the rays from a step on.
     pub fn of_deciders(root: &Step) -> Self {
         let mut runs = Vec::new();
-        for placed in walk::rays(root) {
-            if let AnyRay::Trace(trace) = placed.ray {
+        for ray in walk::rays(root) {
+            if let AnyRay::Trace(trace) = ray {
                 deciders(trace).into_iter().for_each(|run| add(run, &mut runs));
             }
         }

@@ -1,9 +1,11 @@
 //! Known reasons of surprise, each shown by facts of the transcript.
 
+use rustc_hash::FxHashMap;
+
 use crate::debug::summary_words::{label, primitive};
 use crate::debug::transcript::{
-    ExitKind, Hint, HintKind, HitReport, InstanceReport, MemoryChange, PrimitiveOutcome, RecordChoice,
-    ShaderRun, Step, Trace, Traversal,
+    ExitKind, Hint, HintKind, InstanceReport, MemoryChange, PrimitiveOutcome, RecordChoice, ShaderRun, Step,
+    Trace, Traversal,
 };
 use crate::debug::traversal_hints::{time_lost, undecided_candidates, world_ray};
 use crate::debug::values::{FloatValue, TypedValue};
@@ -12,11 +14,8 @@ use crate::debug::walk::{self, AnyRay, PlacedRay};
 /// How many hints of one kind are told.
 const MAX_OF_A_KIND: usize = 3;
 
-/// What part of the distance from the camera, or the ray before, counts as "at its start".
-const AT_START: f64 = 1e-3;
-
 /// A rule about one ray: the hint in words, where it applies.
-type RayRule = fn(&PlacedRay<'_>) -> Option<String>;
+type RayRule = fn(&PlacedRay<'_, '_>) -> Option<String>;
 
 /// The rules, by the kind of their hints.
 const RAY_RULES: &[(HintKind, RayRule)] = &[
@@ -38,12 +37,14 @@ const RAY_RULES: &[(HintKind, RayRule)] = &[
 
 /// The hints on what happened from a step on, and on what it changed in memory.
 pub fn hints(root: &Step, writes: &[MemoryChange]) -> Vec<Hint> {
-    let rays = walk::rays(root);
-    let mut hints = Vec::new();
-    for &(kind, rule) in RAY_RULES {
-        let texts = rays.iter().filter_map(|ray| Some(format!("{}: {}", place(ray.ray), rule(ray)?)));
-        hints.extend(limited(kind, texts.collect()));
-    }
+    let mut found: Vec<(HintKind, Vec<String>)> =
+        RAY_RULES.iter().map(|(kind, _)| (*kind, Vec::new())).collect();
+    walk::for_each_ray(root, &mut |ray| {
+        for ((_, texts), (_, rule)) in found.iter_mut().zip(RAY_RULES) {
+            texts.extend(rule(&ray).map(|hint| format!("{}: {hint}", place(ray.ray))));
+        }
+    });
+    let mut hints: Vec<Hint> = found.into_iter().flat_map(|(kind, texts)| limited(kind, texts)).collect();
     hints.extend(limited(HintKind::NanWritten, nans(root, writes)));
     hints
 }
@@ -52,10 +53,14 @@ pub fn hints(root: &Step, writes: &[MemoryChange]) -> Vec<Hint> {
 /// are told once.
 fn limited(kind: HintKind, texts: Vec<String>) -> Vec<Hint> {
     let mut counted: Vec<(String, usize)> = Vec::new();
+    let mut places: FxHashMap<String, usize> = FxHashMap::default();
     for text in texts {
-        match counted.iter_mut().find(|(known, _)| *known == text) {
-            Some((_, count)) => *count += 1,
-            None => counted.push((text, 1)),
+        match places.get(&text) {
+            Some(&at) => counted[at].1 += 1,
+            None => {
+                places.insert(text.clone(), counted.len());
+                counted.push((text, 1));
+            }
         }
     }
     let more = counted.len().saturating_sub(MAX_OF_A_KIND);
@@ -87,11 +92,9 @@ fn place(ray: AnyRay<'_>) -> String {
     }
 }
 
-fn self_intersection(placed: &PlacedRay<'_>) -> Option<String> {
+fn self_intersection(placed: &PlacedRay<'_, '_>) -> Option<String> {
+    let before = placed.from.hit_again_by(placed.ray)?;
     let hit = placed.ray.hit()?;
-    let length = placed.ray.traversal().direction_length.as_f64();
-    let from = placed.from.iter().find(|from| is_start(placed.ray, **from, hit, length))?;
-    let before = from.hit()?;
     Some(format!(
         "it hits its starting primitive ({}) again, at t {}, where the previous ray hit it at t {}; \
          a larger tMin, or an origin offset along the normal, avoids this",
@@ -101,27 +104,11 @@ fn self_intersection(placed: &PlacedRay<'_>) -> Option<String> {
     ))
 }
 
-/// Whether a ray starts at the hit of another, and hits the same primitive there.
-fn is_start(ray: AnyRay<'_>, from: AnyRay<'_>, hit: &HitReport, length: f64) -> bool {
-    let Some(before) = from.hit() else { return false };
-    let of = |hit: &HitReport| (hit.instance, hit.geometry, hit.primitive);
-    let came = before.t.as_f64() * from.traversal().direction_length.as_f64();
-    of(before) == of(hit)
-        && hit.t.as_f64() * length <= AT_START * came
-        && distance(&ray.traversal().origin, &before.position) <= AT_START * came
-}
-
-fn starts_on_surface(placed: &PlacedRay<'_>) -> Option<String> {
-    let traversal = placed.ray.traversal();
-    if traversal.t_min.as_f64() != 0.0 || self_intersection(placed).is_some() {
+fn starts_on_surface(placed: &PlacedRay<'_, '_>) -> Option<String> {
+    if placed.ray.traversal().t_min.as_f64() != 0.0 || self_intersection(placed).is_some() {
         return None;
     }
-    let largest = traversal.origin.iter().map(|value| value.as_f64().abs()).fold(0.0, f64::max);
-    let rounding = 4.0 * f64::from(f32::EPSILON) * largest;
-    let is_at = |from: &&AnyRay<'_>| {
-        from.hit().is_some_and(|hit| distance(&traversal.origin, &hit.position) <= rounding)
-    };
-    let from = placed.from.iter().find(is_at)?.hit()?;
+    let from = placed.from.at_origin(placed.ray)?;
     Some(format!(
         "it starts at the hit point of the previous ray on {}, with tMin 0: because of rounding, it may \
          hit the same surface again",
@@ -129,7 +116,7 @@ fn starts_on_surface(placed: &PlacedRay<'_>) -> Option<String> {
     ))
 }
 
-fn empty_structure(placed: &PlacedRay<'_>) -> Option<String> {
+fn empty_structure(placed: &PlacedRay<'_, '_>) -> Option<String> {
     placed
         .ray
         .traversal()
@@ -138,7 +125,7 @@ fn empty_structure(placed: &PlacedRay<'_>) -> Option<String> {
         .then(|| "the acceleration structure has no instances".to_owned())
 }
 
-fn empty_cull_mask(placed: &PlacedRay<'_>) -> Option<String> {
+fn empty_cull_mask(placed: &PlacedRay<'_, '_>) -> Option<String> {
     let traversal = placed.ray.traversal();
     let is_empty = traversal.cull_mask & 0xFF == 0 && !traversal.instances.is_empty();
     is_empty.then(|| {
@@ -146,7 +133,7 @@ fn empty_cull_mask(placed: &PlacedRay<'_>) -> Option<String> {
     })
 }
 
-fn all_masked(placed: &PlacedRay<'_>) -> Option<String> {
+fn all_masked(placed: &PlacedRay<'_, '_>) -> Option<String> {
     let Traversal { cull_mask, instances, .. } = placed.ray.traversal();
     let is_masked = |one: &InstanceReport| u32::from(one.mask) & cull_mask == 0;
     let applies = cull_mask & 0xFF != 0 && !instances.is_empty() && instances.iter().all(is_masked);
@@ -165,7 +152,7 @@ fn met(ray: AnyRay<'_>) -> Vec<(PrimitiveOutcome, FloatValue)> {
     tested.filter_map(|one| Some((one.verdict, one.t?))).collect()
 }
 
-fn only_outside_interval(placed: &PlacedRay<'_>) -> Option<String> {
+fn only_outside_interval(placed: &PlacedRay<'_, '_>) -> Option<String> {
     let met = met(placed.ray);
     let are_outside = met.iter().all(|(verdict, _)| *verdict == PrimitiveOutcome::OutsideInterval);
     if placed.ray.hit().is_some() || met.is_empty() || !are_outside {
@@ -180,7 +167,7 @@ fn only_outside_interval(placed: &PlacedRay<'_>) -> Option<String> {
     ))
 }
 
-fn all_culled(placed: &PlacedRay<'_>) -> Option<String> {
+fn all_culled(placed: &PlacedRay<'_, '_>) -> Option<String> {
     let met = met(placed.ray);
     let is_culled = |verdict: PrimitiveOutcome| {
         matches!(verdict, PrimitiveOutcome::CulledByFace | PrimitiveOutcome::CulledByOpacity)
@@ -195,7 +182,7 @@ fn all_culled(placed: &PlacedRay<'_>) -> Option<String> {
     })
 }
 
-fn all_ignored(placed: &PlacedRay<'_>) -> Option<String> {
+fn all_ignored(placed: &PlacedRay<'_, '_>) -> Option<String> {
     let AnyRay::Trace(trace) = placed.ray else { return None };
     let is_ignored = |run: &ShaderRun| run.exit.how == ExitKind::Ignored;
     let applies = trace.hit.is_none()
@@ -209,7 +196,7 @@ fn all_ignored(placed: &PlacedRay<'_>) -> Option<String> {
     })
 }
 
-fn no_record(placed: &PlacedRay<'_>) -> Option<String> {
+fn no_record(placed: &PlacedRay<'_, '_>) -> Option<String> {
     let AnyRay::Trace(Trace { record: Some(record), hit, .. }) = placed.ray else { return None };
     let RecordChoice { table, index, arithmetic, records, group: None, .. } = record else { return None };
     let sum = match arithmetic {
@@ -228,7 +215,7 @@ fn no_record(placed: &PlacedRay<'_>) -> Option<String> {
     Some(format!("{table} record {index}{sum} {what}, so no {ran} shader runs"))
 }
 
-fn direction_length(placed: &PlacedRay<'_>) -> Option<String> {
+fn direction_length(placed: &PlacedRay<'_, '_>) -> Option<String> {
     let AnyRay::Trace(Trace { hit: Some(hit), shader: Some(run), .. }) = placed.ray else { return None };
     let length = placed.ray.traversal().direction_length;
     let builtin = run.builtins.iter().find(|one| matches!(one.name, "RayTmaxKHR" | "HitTNV"))?;
@@ -243,7 +230,7 @@ fn direction_length(placed: &PlacedRay<'_>) -> Option<String> {
     })
 }
 
-fn normal_along_ray(placed: &PlacedRay<'_>) -> Option<String> {
+fn normal_along_ray(placed: &PlacedRay<'_, '_>) -> Option<String> {
     let AnyRay::Trace(Trace { hit: Some(hit), shader: Some(run), .. }) = placed.ray else { return None };
     let traversal = placed.ray.traversal();
     // A normal in object space is no direction of the world where the instance is transformed.
@@ -305,11 +292,6 @@ fn leaves_nan(steps: &[Step]) -> bool {
     })
 }
 
-fn distance(a: &[FloatValue; 3], b: &[FloatValue; 3]) -> f64 {
-    let squares = a.iter().zip(b).map(|(a, b)| (a.as_f64() - b.as_f64()).powi(2));
-    squares.sum::<f64>().sqrt()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -322,11 +304,5 @@ mod tests {
         };
         assert_eq!(texts(&["a", "b", "a"]), ["a (2 times)", "b"]);
         assert_eq!(texts(&["a", "b", "c", "d", "e"]), ["a", "b", "c (and 2 more of this kind)"]);
-    }
-
-    #[test]
-    fn a_distance_is_that_of_two_points() {
-        let point = |values: [f32; 3]| values.map(FloatValue::F32);
-        assert_eq!(distance(&point([1.0, 2.0, 3.0]), &point([1.0, 5.0, 7.0])), 5.0);
     }
 }

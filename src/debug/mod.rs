@@ -17,6 +17,7 @@ pub mod given_block;
 pub mod hints;
 mod layout;
 pub mod names;
+mod near_hits;
 pub(crate) mod page;
 mod query_reader;
 pub mod reader;

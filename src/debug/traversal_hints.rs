@@ -6,7 +6,7 @@ use crate::debug::walk::{AnyRay, PlacedRay};
 
 /// A ray query that is complete without a hit, of whose candidates none was confirmed or generated
 /// in.
-pub(super) fn undecided_candidates(placed: &PlacedRay<'_>) -> Option<String> {
+pub(super) fn undecided_candidates(placed: &PlacedRay<'_, '_>) -> Option<String> {
     let AnyRay::Query(QueryReport { candidates, hit: None, end: QueryEnd::Complete, .. }) = placed.ray else {
         return None;
     };
@@ -19,7 +19,7 @@ pub(super) fn undecided_candidates(placed: &PlacedRay<'_>) -> Option<String> {
 }
 
 /// An intersection shader of a transformed instance that reads the ray in world space alone.
-pub(super) fn world_ray(placed: &PlacedRay<'_>) -> Option<String> {
+pub(super) fn world_ray(placed: &PlacedRay<'_, '_>) -> Option<String> {
     let AnyRay::Trace(Trace { decisions, traversal, .. }) = placed.ray else { return None };
     decisions.iter().filter(|decision| decision.is_box).find_map(|decision: &Decision| {
         let run = decision.shader.as_ref()?;
@@ -41,7 +41,7 @@ pub(super) fn world_ray(placed: &PlacedRay<'_>) -> Option<String> {
 }
 
 /// A ray at time 0 into moving geometry, after a ray at another time.
-pub(super) fn time_lost(placed: &PlacedRay<'_>) -> Option<String> {
+pub(super) fn time_lost(placed: &PlacedRay<'_, '_>) -> Option<String> {
     let traversal = placed.ray.traversal();
     let is_at_zero = traversal.time.is_some_and(|time| time.as_f64() == 0.0);
     let moves = traversal.instances.iter().any(|instance| instance.moves);

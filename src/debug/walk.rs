@@ -1,8 +1,10 @@
 //! Ways through a transcript: all its rays and shader runs, in the order in which they began.
 
+use crate::debug::near_hits::NearHits;
 #[cfg(feature = "scenes")]
 use crate::debug::transcript::TranscriptLine;
 use crate::debug::transcript::{HitReport, QueryReport, ShaderRun, Step, Trace, Traversal};
+use crate::debug::values::FloatValue;
 
 /// A ray that was traced, or that of a ray query.
 #[derive(Clone, Copy, Debug)]
@@ -46,45 +48,129 @@ impl<'a> AnyRay<'a> {
 }
 
 /// A ray with the hits that it may start from.
-#[derive(Clone, Debug)]
-pub(super) struct PlacedRay<'a> {
+#[derive(Clone, Copy, Debug)]
+pub(super) struct PlacedRay<'r, 'a> {
     /// The ray.
     pub ray: AnyRay<'a>,
     /// The hit that its shader was called for, and those of the shader's own rays before it.
-    pub from: Vec<AnyRay<'a>>,
+    pub from: &'r EarlierHits<'a>,
+}
+
+/// Rays that hit something, in order, with indices of the places of their hits.
+#[derive(Clone, Debug, Default)]
+pub(super) struct EarlierHits<'a> {
+    rays: Vec<AnyRay<'a>>,
+    /// Within [`AT_START`] of the rays' length, by primitive.
+    at_start: NearHits,
+    /// Within the rounding of coordinates.
+    same_points: NearHits,
+}
+
+/// What part of the distance from the camera, or the ray before, counts as "at its start".
+pub(super) const AT_START: f64 = 1e-3;
+
+impl<'a> EarlierHits<'a> {
+    fn add(&mut self, ray: AnyRay<'a>) {
+        let Some(hit) = ray.hit() else { return };
+        let (number, point) = (self.rays.len(), hit.position.map(FloatValue::as_f64));
+        self.at_start.add(number, primitive_of(hit), point, AT_START * hit_distance(ray, hit));
+        // A point that is so near has at most the double rounding.
+        self.same_points.add(number, [0; 3], point, 2.0 * rounding(&point));
+        self.rays.push(ray);
+    }
+
+    /// The first of these rays.
+    pub(super) fn first(&self) -> Option<AnyRay<'a>> {
+        self.rays.first().copied()
+    }
+
+    /// The first hit of these at whose point, within rounding, a ray starts.
+    pub(super) fn at_origin(&self, ray: AnyRay<'_>) -> Option<&'a HitReport> {
+        let origin = ray.traversal().origin.map(FloatValue::as_f64);
+        let rounding = rounding(&origin);
+        let is_at = |hit: &HitReport| distance(&origin, &hit.position.map(FloatValue::as_f64)) <= rounding;
+        let is_wanted = |number: usize| self.rays[number].hit().is_some_and(is_at);
+        self.rays[self.same_points.first([0; 3], origin, 0.0, is_wanted)?].hit()
+    }
+
+    /// The first hit of these at which a ray starts and hits the same primitive again.
+    pub(super) fn hit_again_by(&self, ray: AnyRay<'_>) -> Option<&'a HitReport> {
+        let hit = ray.hit()?;
+        let (key, length) = (primitive_of(hit), hit_distance(ray, hit));
+        let origin = ray.traversal().origin.map(FloatValue::as_f64);
+        let is_start = |from: AnyRay<'_>, before: &HitReport| {
+            let near = AT_START * hit_distance(from, before);
+            length <= near && distance(&origin, &before.position.map(FloatValue::as_f64)) <= near
+        };
+        let is_wanted =
+            |number: usize| self.rays[number].hit().is_some_and(|before| is_start(self.rays[number], before));
+        self.rays[self.at_start.first(key, origin, length, is_wanted)?].hit()
+    }
+}
+
+/// Instance, geometry and primitive.
+fn primitive_of(hit: &HitReport) -> [u32; 3] {
+    [hit.instance, hit.geometry, hit.primitive]
+}
+
+/// Distance from the origin of a ray to its hit.
+fn hit_distance(ray: AnyRay<'_>, hit: &HitReport) -> f64 {
+    hit.t.as_f64() * ray.traversal().direction_length.as_f64()
+}
+
+/// Bound of the rounding of a point of a ray.
+fn rounding(point: &[f64; 3]) -> f64 {
+    4.0 * f64::from(f32::EPSILON) * point.iter().map(|value| value.abs()).fold(0.0, f64::max)
+}
+
+/// Distance between two points.
+pub(super) fn distance(a: &[f64; 3], b: &[f64; 3]) -> f64 {
+    let squares = a.iter().zip(b).map(|(a, b)| (a - b).powi(2));
+    squares.sum::<f64>().sqrt()
 }
 
 /// All rays from a step on.
-pub(super) fn rays(root: &Step) -> Vec<PlacedRay<'_>> {
+pub(super) fn rays(root: &Step) -> Vec<AnyRay<'_>> {
     let mut all = Vec::new();
-    match root {
-        Step::Shader(run) => rays_of_run(run, None, &mut all),
-        step => rays_of_step(step, &[], &mut all),
-    }
+    for_each_ray(root, &mut |placed| all.push(placed.ray));
     all
 }
 
-fn rays_of_run<'a>(run: &'a ShaderRun, called_for: Option<AnyRay<'a>>, all: &mut Vec<PlacedRay<'a>>) {
-    let mut from: Vec<AnyRay<'a>> = called_for.into_iter().collect();
-    for step in &run.steps {
-        rays_of_step(step, &from, all);
-        from.extend(AnyRay::of_step(step).filter(|ray| ray.hit().is_some()));
+/// Calls a function with all rays from a step on, in order, each with the hits that it may start
+/// from.
+pub(super) fn for_each_ray<'a>(root: &'a Step, visit: &mut dyn FnMut(PlacedRay<'_, 'a>)) {
+    match root {
+        Step::Shader(run) => rays_of_run(run, None, visit),
+        step => rays_of_step(step, &EarlierHits::default(), visit),
     }
 }
 
-fn rays_of_step<'a>(step: &'a Step, from: &[AnyRay<'a>], all: &mut Vec<PlacedRay<'a>>) {
+fn rays_of_run<'a>(
+    run: &'a ShaderRun,
+    called_for: Option<AnyRay<'a>>,
+    visit: &mut dyn FnMut(PlacedRay<'_, 'a>),
+) {
+    let mut from = EarlierHits::default();
+    called_for.into_iter().for_each(|ray| from.add(ray));
+    for step in &run.steps {
+        rays_of_step(step, &from, visit);
+        AnyRay::of_step(step).into_iter().for_each(|ray| from.add(ray));
+    }
+}
+
+fn rays_of_step<'a>(step: &'a Step, from: &EarlierHits<'a>, visit: &mut dyn FnMut(PlacedRay<'_, 'a>)) {
     if let Some(ray) = AnyRay::of_step(step) {
-        all.push(PlacedRay { ray, from: from.to_vec() });
+        visit(PlacedRay { ray, from });
     }
     match step {
         Step::Trace(trace) => {
             let decided = trace.decisions.iter().filter_map(|decision| decision.shader.as_ref());
-            decided.for_each(|run| rays_of_run(run, None, all));
+            decided.for_each(|run| rays_of_run(run, None, visit));
             let ray = AnyRay::Trace(trace);
             let called_for = trace.hit.is_some().then_some(ray);
-            trace.shader.iter().for_each(|run| rays_of_run(run, called_for, all));
+            trace.shader.iter().for_each(|run| rays_of_run(run, called_for, visit));
         }
-        Step::Shader(run) => rays_of_run(run, None, all),
+        Step::Shader(run) => rays_of_run(run, None, visit),
         Step::RayQuery(_) | Step::Report { .. } => {}
     }
 }
@@ -176,4 +262,14 @@ pub(super) fn shader_of_sample(root: &Step, sample: usize) -> Option<&ShaderRun>
         Step::Shader(run) if ["ClosestHitKHR", "MissKHR"].contains(&run.shader.stage) => Some(&**run),
         _ => None,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_distance_is_that_of_two_points() {
+        assert_eq!(distance(&[1.0, 2.0, 3.0], &[1.0, 5.0, 7.0]), 5.0);
+    }
 }

@@ -98,9 +98,9 @@ impl Session {
             Error::new(ErrorKind::InvalidArgument, message)
         })?;
         let rays = walk::rays(root);
-        let Some(main) = rays.first().map(|placed| placed.ray) else { return Ok(Drawing::empty()) };
+        let Some(main) = rays.first().copied() else { return Ok(Drawing::empty()) };
         let mut drawing = Drawing::empty();
-        drawing.rays.extend(rays.iter().take(MAX_RAYS + 1).map(|placed| drawn_ray(placed.ray)));
+        drawing.rays.extend(rays.iter().take(MAX_RAYS + 1).copied().map(drawn_ray));
         let traversal = main.traversal();
         let name = traversal.structure.as_ref();
         let tlas = self.scene.tlas.iter().find(|(known, _)| Some(known) == name).map(|(_, tlas)| tlas);

@@ -85,7 +85,7 @@ fn nothing(transcript: &Transcript) -> Error {
         AnyRay::Trace(trace) => trace.depth,
         AnyRay::Query(_) => 0,
     };
-    let deepest = rays.iter().map(|placed| depth(placed.ray)).max().unwrap_or(0);
+    let deepest = rays.into_iter().map(depth).max().unwrap_or(0);
     let mut shaders: Vec<String> =
         walk::runs(&transcript.root).into_iter().map(|run| summary_words::label(&run.shader)).collect();
     sort(&mut shaders);
