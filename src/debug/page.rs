@@ -19,6 +19,10 @@ pub(crate) enum TextStyle {
     Trap,
 }
 
+/// Most guides before a line. Of more, lines have the number instead: otherwise the text of rays
+/// within each other grows with the square of their depth.
+const MAX_GUIDES: usize = 40;
+
 /// A page of lines of text.
 #[derive(Clone, Debug)]
 pub(crate) struct Page {
@@ -57,7 +61,10 @@ impl Page {
     pub(crate) fn line(&mut self, text: impl Display) {
         let text = text.to_string();
         let text = if self.colour { escape::styled_line(&text) } else { escape::line(&text) };
-        let guides = self.guides.concat();
+        let mut guides = self.guides[..self.guides.len().min(MAX_GUIDES)].concat();
+        if let more @ 1.. = self.guides.len().saturating_sub(MAX_GUIDES) {
+            guides += &format!("(+{more}) ");
+        }
         let guides = if text.is_empty() { guides.trim_end() } else { &guides };
         let line = format!("{}{}\n", self.styled_guides(guides), text.trim_end());
         self.text.push_str(&line);
@@ -139,6 +146,20 @@ mod tests {
             page.blank_line();
         });
         assert_eq!(page.finish(), "| a     1\n| long\n|\n");
+    }
+
+    #[test]
+    fn many_guides_are_a_number() {
+        let mut page = Page::new(false);
+        for depth in 0..43 {
+            page.line(format_args!("{depth}"));
+            page.push_guide("| ");
+        }
+        let text = page.finish();
+        let lines: Vec<&str> = text.lines().collect();
+        assert_eq!(lines[1], "| 1");
+        assert_eq!(lines[40], format!("{}40", "| ".repeat(40)));
+        assert_eq!(lines[42], format!("{}(+2) 42", "| ".repeat(40)));
     }
 
     #[test]
