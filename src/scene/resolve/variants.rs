@@ -1,5 +1,7 @@
 //! Variants of a scene: other shaders for the same launch.
 
+use rustc_hash::FxHashSet;
+
 use crate::error::names::list_of;
 use crate::error::{Error, ErrorKind};
 use crate::scene::file::VariantEntry;
@@ -12,23 +14,23 @@ pub(super) fn chosen_variant(
     variants: Vec<VariantEntry>,
     report: &Diagnostics,
 ) -> Option<VariantEntry> {
-    for (at, variant) in variants.iter().enumerate() {
-        if variants[..at].iter().any(|other| other.name.value == variant.name.value) {
+    let mut names = FxHashSet::default();
+    for variant in &variants {
+        if !names.insert(variant.name.value.as_str()) {
             let message = format!("two variants are named `{}`", variant.name.value);
             report.push(variant.name.span.error(message));
         }
     }
     let wanted = options.variant.as_ref()?;
-    let names = list_of(variants.iter().map(|variant| variant.name.value.as_str()));
-    let found = variants.into_iter().find(|variant| variant.name.value == *wanted);
-    if found.is_none() {
+    if !names.contains(wanted.as_str()) {
+        let names = list_of(variants.iter().map(|variant| variant.name.value.as_str()));
         let error = Error::new(ErrorKind::InvalidArgument, format!("the scene has no variant `{wanted}`"));
         report.push(match names.is_empty() {
             true => error.note("declare variants with `[[variant]]` in the scene file"),
             false => error.note(format!("available: {names}")),
         });
     }
-    found
+    variants.into_iter().find(|variant| variant.name.value == *wanted)
 }
 
 #[cfg(test)]
