@@ -35,7 +35,7 @@ pub fn curves() -> Vec<Curve> {
             run_rays(folder, &SceneText { launch: sides(n), ..SceneText::with(each(16, ray)) })
         })
         .time(Growth::Constant)
-        .known("each ray copies the picture"),
+        .known("each ray zeroes its copy of the picture"),
         Curve::linear("test: launched pixels", PIXELS, |folder, n| {
             let more = format!("[expect.stats]\nrays = {n}\nbecause = \"one for each pixel\"\n");
             SceneText { more, ..SceneText::picture(n) }.write(folder);
@@ -47,7 +47,7 @@ pub fn curves() -> Vec<Curve> {
             SceneText::with(format!("{}{stats}", each(n, variant))).write(folder);
             Work::command(["test", "scene.toml"])
         })
-        .known("each variant reads the file"),
+        .known("each variant reads the file, with all other variants"),
     ]
 }
 

@@ -83,14 +83,13 @@ pub fn curves() -> Vec<Curve> {
         Curve::linear("trace-one-ray: rays of a path", thousands, |folder, n| {
             SceneText { rays: n, ..SceneText::default() }.write(folder);
             Work::command(["trace-one-ray", "scene.toml", "--pixel", "0,0"])
-        })
-        .known("hints compare each ray with all rays before it"),
+        }),
         Curve::linear("trace-one-ray: depth of rays", hundreds, |folder, n| {
             let pipeline = format!("max_recursion_depth = {n}\n");
             SceneText { depth: n - 1, pipeline, ..SceneText::default() }.write(folder);
             Work::command(["trace-one-ray", "scene.toml", "--pixel", "0,0"])
         })
-        .known("each depth is indented further"),
+        .known("each step of the debugger reads all open shaders"),
     ]
 }
 
