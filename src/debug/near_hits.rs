@@ -95,7 +95,8 @@ mod tests {
         }
     }
 
-    /// Of many hits, those that are far away, or of which the radius is too small, are not looked at.
+    /// Of many hits, those that are far away, or of which the radius is too small, are not looked
+    /// at.
     #[test]
     fn far_points_are_not_compared() {
         let mut index = NearHits::default();

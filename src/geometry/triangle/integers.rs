@@ -2,9 +2,9 @@
 //!
 //! Rays through edges and vertices of a mesh are undecided in f64 for every triangle around them.
 //! Where the coordinates of the ray's origin and of the triangle are multiples of a power of two
-//! 2^k, and below 2^(k + 40), they are integers of 40 bits in units of 2^k; so are the components of
-//! the direction in units of their own. Differences have 41 bits, and with p, q, det, beta and gamma
-//! of `triangle`:
+//! 2^k, and below 2^(k + 40), they are integers of 40 bits in units of 2^k; so are the components
+//! of the direction in units of their own. Differences have 41 bits, and with p, q, det, beta and
+//! gamma of `triangle`:
 //!
 //! ```text
 //! |p| < 2 * 2^40 * 2^41 = 2^82      |q| < 2 * 2^41 * 2^41 = 2^83
@@ -82,10 +82,11 @@ pub(super) fn intersect(ray: &ObjectRay, vertices: [[f32; 3]; 3]) -> Verdict<Int
 
 type Vector = [i64; 3];
 
-/// Points as integers of [`BITS`] bits, in units of a power of two, whose exponent is returned, too.
+/// Points as integers of [`BITS`] bits, in units of a power of two, whose exponent is returned,
+/// too.
 ///
-/// The unit is the smallest in which the greatest coordinate has [`BITS`] bits. Scaling by a power of
-/// two rounds nothing, and a number that is an integer afterwards keeps its value in both
+/// The unit is the smallest in which the greatest coordinate has [`BITS`] bits. Scaling by a power
+/// of two rounds nothing, and a number that is an integer afterwards keeps its value in both
 /// conversions.
 #[inline]
 fn integers<const N: usize>(points: &[[f64; 3]; N]) -> Option<(i32, [Vector; N])> {

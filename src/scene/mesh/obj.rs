@@ -1,6 +1,6 @@
 //! Wavefront OBJ. Polygons are cut into fans around their first vertex; points and lines are left
-//! out. Materials are those of the .mtl files that it names. `groups` reads common files, `tobj` all
-//! others, broken files, and .mtl files.
+//! out. Materials are those of the .mtl files that it names. `groups` reads common files, `tobj`
+//! all others, broken files, and .mtl files.
 
 mod groups;
 

@@ -6,8 +6,8 @@
 //! are parsed one after another, and their trees are joined.
 //!
 //! If all pieces are TOML, no cut is within a string, an array or a table: the piece before it
-//! would not end properly. The joined tree is then that of the whole text, unless a name is defined in
-//! several pieces in another way than by these headers. Such texts, and those with mistakes, are
+//! would not end properly. The joined tree is then that of the whole text, unless a name is defined
+//! in several pieces in another way than by these headers. Such texts, and those with mistakes, are
 //! parsed as a whole.
 
 use std::sync::Arc;
@@ -130,7 +130,7 @@ mod tests {
             for least in [1, 40, 100] {
                 let found = tree_of(&text, least, None).expect(&text);
                 assert_eq!(found, whole(&text), "{least}: {text}");
-                // The same where the parts are taken, and put back.
+                // Parts that are taken and put back make the same tree.
                 let mut taken: Vec<TomlMember> = Vec::new();
                 let mut left = tree_of(&text, least, Some(&mut |one| taken.push(one))).expect(&text);
                 let Toml::Table(members) = &mut left.value else { panic!("no table") };
