@@ -395,6 +395,7 @@ impl LoadedScene {
 
     /// The pipeline of the scene, and a [`Scene`] of its first acceleration structure with
     /// everything that the scene binds, to trace rays of one's own.
+    /// What no shader of the scene reads is not bound unless [`LoadedScene::read_all`] was called.
     ///
     /// ```
     /// use anyhit::{LoadedScene, Ray};

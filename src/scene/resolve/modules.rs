@@ -65,6 +65,11 @@ impl SceneModules<'_, '_> {
         found.and_then(|entry| entry.content.as_ref())
     }
 
+    /// What the module of a shader is made from, whichever of its entry points is meant.
+    pub(super) fn key(&self, shader: &Spanned<String>) -> Option<ModuleKey> {
+        self.entry(shader).and_then(ModuleKey::of)
+    }
+
     /// The entries that the scene uses.
     fn used(&self) -> impl Iterator<Item = &ShaderEntry> {
         let resolver = self.resolver;

@@ -10,6 +10,7 @@ use std::collections::HashSet;
 use crate::scene::address_entry::AddressChoice;
 use crate::scene::descriptor_kind::DescriptorKind;
 use crate::scene::file::RayEntry;
+use crate::scene::geometry::GeometryEntry;
 use crate::scene::instance_entry::InstanceEntry;
 use crate::scene::pass_entry::PassWorkEntry;
 use crate::scene::read::{Document, Spanned};
@@ -29,15 +30,11 @@ const NO_INSTANCE: &str = "no instance that a ray can reach has it";
 impl Resolver<'_> {
     /// Leaves out what nothing reads, if that saves opening a file.
     pub(super) fn leave_out_unread(&mut self) {
-        let has_files = !self.models.is_empty()
-            || self
-                .geometry
-                .entries
-                .iter()
-                .filter_map(|entry| entry.content.as_ref())
-                .any(|one| one.has_files())
-            || self.resource_entries.entries.iter().filter_map(|entry| entry.content.as_ref()).any(has_files);
-        if !has_files || self.files.read_all() || !self.report.is_empty() {
+        let mut geometry = self.geometry.entries.iter().filter_map(|entry| entry.content.as_ref());
+        let mut resources = self.resource_entries.entries.iter().filter_map(|entry| entry.content.as_ref());
+        let names_files =
+            !self.models.is_empty() || geometry.any(GeometryEntry::has_files) || resources.any(has_files);
+        if !names_files || self.files.read_all() || !self.report.is_empty() {
             return;
         }
         let Some(declared) = self.declared_places() else { return };
@@ -61,9 +58,10 @@ impl Resolver<'_> {
         if shaders.is_empty() {
             return None;
         }
-        let mut declared = HashSet::new();
-        for shader in &shaders {
-            let module = SceneModules { resolver: self, own: &[] }.module(shader).ok()?;
+        let (mut declared, mut known) = (HashSet::new(), HashSet::new());
+        let modules = SceneModules { resolver: self, own: &[] };
+        for shader in shaders.iter().filter(|shader| known.insert(modules.key(shader))) {
+            let module = modules.module(shader).ok()?;
             let variables = module.entry_points.iter().flat_map(|entry| module.interface_of(entry));
             declared.extend(variables.filter_map(|one| Some([one.descriptor_set?, one.binding?])));
         }
