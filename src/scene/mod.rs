@@ -15,7 +15,7 @@ mod build_input;
 pub mod camera;
 pub mod data;
 pub mod data_sources;
-mod deferred_file;
+pub mod deferred_file;
 pub mod demo;
 pub mod descriptor_kind;
 mod descriptors;
