@@ -40,7 +40,7 @@ pub fn curves() -> Vec<Curve> {
             let data = "data = { file = \"table.bin\" }";
             SceneText::with(format!("{UNUSED_BUFFER}{data}\n")).write(folder);
             // In a process whose memory is new for every size.
-            Work::command(["run", "scene.toml"])
+            Work::command(["run", "scene.toml", "--read-all"])
         }),
         Curve::linear("load: numbers in TOML", [1 << 10, 1 << 12, 1 << 14, 1 << 16], |folder, n| {
             let numbers: Vec<f32> = (0..n).map(|at| at as f32 * 0.37).collect();
@@ -63,7 +63,8 @@ pub fn curves() -> Vec<Curve> {
             let data = format!(
                 "size = [{width}, {height}]\nformat = \"rgba8\"\ndata = {{ file = \"texels.bin\" }}\n"
             );
-            load(folder, &SceneText::with(format!("{image}{data}")))
+            SceneText::with(format!("{image}{data}")).write(folder);
+            Work::command(["run", "scene.toml", "--read-all"])
         }),
         Curve::linear("load: picture of a launch", [1 << 12, 1 << 14, 1 << 16, 1 << 18], |folder, n| {
             load(folder, &SceneText::picture(n))
