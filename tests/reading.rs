@@ -434,3 +434,44 @@ fn zeros() -> Vec<u8> {
     bits.code(0, 7);
     bits.0
 }
+
+#[test]
+fn statistics_list_the_files_that_nothing_reads() {
+    let folder = tempfile::tempdir().expect("a folder");
+    for name in ["a.png", "b.png", "c.png", "d.png"] {
+        std::fs::write(folder.path().join(name), "no picture").expect("a file");
+    }
+    let module = root().join(MODULE);
+    let scene = format!(
+        "version = 1\n[shaders]\nsum = '{}'\n[[dispatch]]\nshader = 'sum'\n[resources.sums]\n\
+         type = 'storage_buffer'\nbinding = 1\nsize = 1024\n[resources.maps]\ntype = 'sampled_image'\n\
+         binding = 7\nelements = [{{ file = 'a.png' }}, {{ file = 'b.png' }}, {{ file = 'c.png' }}, \
+         {{ file = 'd.png' }}]\n",
+        module.to_str().expect("a path of UTF-8")
+    );
+    std::fs::write(folder.path().join("scene.toml"), scene).expect("a file");
+    let ran = run(folder.path(), &["run", "scene.toml", "--stats"]);
+    assert_eq!((ran.code, ran.err.as_str()), (Some(0), ""));
+    let wanted =
+        "not read: resource `maps` (a.png, b.png, c.png, 1 more): no shader declares its set and binding\n";
+    assert!(ran.out.ends_with(wanted), "{}", ran.out);
+    // What is to be printed is read, and so is everything on request.
+    for arguments in [&["run", "scene.toml", "--dump", "sums"][..], &["run", "scene.toml", "--read-all"]] {
+        let ran = run(folder.path(), arguments);
+        assert_eq!(ran.code, Some(2), "{arguments:?}: {}", ran.err);
+        assert!(ran.err.contains("unknown image format") && ran.err.contains("scene.toml:"), "{}", ran.err);
+    }
+}
+
+#[test]
+fn flags_of_a_ray_and_of_a_pixel_exclude_each_other() {
+    let scene = "shaders/pass/sphere/closest-hit/scene.toml";
+    for flag in [["--cull-mask", "1"], ["--t-min", "0.5"], ["--miss-index", "0"]] {
+        let ran = run(&root(), &["trace-one-ray", scene, "--pixel", "0,0", flag[0], flag[1]]);
+        assert_eq!(ran.code, Some(2), "{}", ran.err);
+        assert!(ran.err.contains("cannot be used with"), "{flag:?}: {}", ran.err);
+    }
+    let ran = run(&root(), &["scene", "--init", MODULE, "--output", "-"]);
+    assert_eq!(ran.code, Some(2));
+    assert!(ran.err.contains("`--output -`: a scene is written to a file"), "{}", ran.err);
+}
