@@ -467,11 +467,11 @@ fn statistics_list_the_files_that_nothing_reads() {
 fn flags_of_a_ray_and_of_a_pixel_exclude_each_other() {
     let scene = "shaders/pass/sphere/closest-hit/scene.toml";
     for flag in [["--cull-mask", "1"], ["--t-min", "0.5"], ["--miss-index", "0"]] {
-        let ran = run(&root(), &["trace-one-ray", scene, "--pixel", "0,0", flag[0], flag[1]]);
+        let ran = run(root(), &["trace-one-ray", scene, "--pixel", "0,0", flag[0], flag[1]]);
         assert_eq!(ran.code, Some(2), "{}", ran.err);
         assert!(ran.err.contains("cannot be used with"), "{flag:?}: {}", ran.err);
     }
-    let ran = run(&root(), &["scene", "--init", MODULE, "--output", "-"]);
+    let ran = run(root(), &["scene", "--init", MODULE, "--output", "-"]);
     assert_eq!(ran.code, Some(2));
     assert!(ran.err.contains("`--output -`: a scene is written to a file"), "{}", ran.err);
 }
