@@ -244,6 +244,7 @@ impl Image {
     ///
     /// # Errors
     /// As [`Image::zeroed`].
+    #[cfg_attr(not(feature = "scenes"), allow(dead_code, reason = "only scenes name files"))]
     pub(crate) fn later(format: Format, shape: ImageShape, read: Arc<ReadTexels>) -> Result<Arc<Self>> {
         format.check()?;
         shape.check()?;

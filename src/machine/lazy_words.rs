@@ -60,6 +60,7 @@ impl From<ImageWords> for LazyWords {
 
 impl LazyWords {
     /// Words of so many bytes, read when something needs them.
+    #[cfg_attr(not(feature = "scenes"), allow(dead_code, reason = "only scenes name files"))]
     pub(super) fn later(size: u64, read: Arc<ReadTexels>) -> Self {
         Self { words: OnceLock::new(), source: Some(Source { read, size, failure: OnceLock::new() }) }
     }
