@@ -1,5 +1,5 @@
-//! What running on and going back cost: an invocation of some 10^8 steps is run to its end, and
-//! gone back in; so is one of a workgroup of 64, each of which makes 10^6 turns of a loop.
+//! Cost of `continue` and of stepping back, in an invocation of about 10^8 steps, and in one of a
+//! workgroup of 64 invocations with 10^6 loop iterations each.
 //!
 //! `cargo bench --bench debugger` prints how long each takes (`docs/debugging.md`). Without
 //! `--bench` (`cargo test --benches`) every row runs once over few steps.

@@ -7,6 +7,9 @@
 
 #![allow(clippy::print_stdout, reason = "a table is printed")]
 
+#[path = "growth/glb.rs"]
+mod glb;
+
 use std::hint::black_box;
 use std::process::{Command, Stdio};
 use std::sync::Arc;
@@ -226,7 +229,7 @@ fn terrain(side: usize) -> Vec<u8> {
     }
     let nodes: Vec<String> = (0..TILES).map(|mesh| format!(r#"{{"mesh":{mesh}}}"#)).collect();
     let all: Vec<String> = (0..TILES).map(|node| node.to_string()).collect();
-    let mut json = format!(
+    let json = format!(
         r#"{{"asset":{{"version":"2.0"}},"scene":0,"scenes":[{{"nodes":[{}]}}],"nodes":[{}],"meshes":[{}],"accessors":[{}],"bufferViews":[{}],"buffers":[{{"byteLength":{}}}]}}"#,
         all.join(","),
         nodes.join(","),
@@ -234,13 +237,6 @@ fn terrain(side: usize) -> Vec<u8> {
         accessors.join(","),
         views.join(","),
         bytes.len()
-    )
-    .into_bytes();
-    json.resize(json.len().next_multiple_of(4), b' ');
-    let chunk = |kind: u32, content: &[u8]| {
-        [&(content.len() as u32).to_le_bytes(), &kind.to_le_bytes(), content].concat()
-    };
-    let chunks = [chunk(0x4E4F_534A, &json), chunk(0x004E_4942, &bytes)].concat();
-    let head = [0x4654_6C67, 2, 12 + chunks.len() as u32].map(u32::to_le_bytes).concat();
-    [head, chunks].concat()
+    );
+    glb::glb(&json, &bytes)
 }

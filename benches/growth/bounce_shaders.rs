@@ -98,8 +98,7 @@ pub fn calling_ray_generation() -> Vec<u8> {
     it.finish()
 }
 
-/// Calls itself with one less in data of its own, until its data are 0; its data are the depth
-/// then.
+/// Calls itself with its callable data minus one until they are 0, and returns the depth in them.
 pub fn callable() -> Vec<u8> {
     let mut it = Writer::new(ExecutionModel::CallableKHR);
     let (uint, bool, zero, one) = (it.uint, it.bool, it.constant(0), it.constant(1));
@@ -118,7 +117,7 @@ pub fn callable() -> Vec<u8> {
     it.finish()
 }
 
-/// What rays need: the acceleration structure at binding 0, and a payload.
+/// Declares the acceleration structure at binding 0, and a payload.
 struct Tracer {
     structure_type: Id,
     structure: Id,

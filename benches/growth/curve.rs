@@ -80,7 +80,7 @@ pub(crate) struct Measured {
     points: Vec<(usize, Cost)>,
     /// Bytes below which memory is not that of the input.
     floor: f64,
-    /// Whether the start of a process is a part of each cost.
+    /// Whether each cost includes the start of a process.
     is_command: bool,
 }
 

@@ -1,6 +1,6 @@
 //! Exponents of measured costs: how a cost grows with a size.
 
-/// How a cost may grow with the size.
+/// Allowed growth of a cost with the size.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Growth {
     /// Independent of the size.

@@ -7,6 +7,7 @@ use anyhit::LoadedScene;
 use crate::cases::textures;
 use crate::curve::Curve;
 use crate::fit::Growth;
+use crate::glb::glb;
 use crate::measure::Work;
 use crate::scene_text::{SceneText, each, sides, write};
 
@@ -32,7 +33,7 @@ pub fn curves() -> Vec<Curve> {
             load(folder, &model_of("type = \"obj\"\nfile = \"wall.obj\"\n"))
         }),
         Curve::linear("load: triangles of a GLB file", [1 << 13, 1 << 15, 1 << 17, 1 << 19], |folder, n| {
-            write(folder, "wall.glb", glb(n));
+            write(folder, "wall.glb", wall(n));
             load(folder, &model_of("type = \"gltf\"\nfile = \"wall.glb\"\n"))
         }),
         Curve::linear("load: bytes of a binary file", [1 << 22, 1 << 23, 1 << 24, 1 << 25], |folder, n| {
@@ -99,14 +100,14 @@ fn obj(n: usize) -> String {
     vertices + &each(n, |at| format!("f {} {} {}\n", at + 1, at + 2, at + 3))
 }
 
-fn glb(n: usize) -> Vec<u8> {
+fn wall(n: usize) -> Vec<u8> {
     let positions: Vec<f32> = vertices(n).flatten().collect();
     let indices: Vec<u32> = (0..n as u32).flat_map(|at| [at, at + 1, at + 2]).collect();
     let mut bytes: Vec<u8> = positions.iter().flat_map(|x| x.to_le_bytes()).collect();
     let split = bytes.len();
     bytes.extend(indices.iter().flat_map(|x| x.to_le_bytes()));
     let (low, high) = ([0.0, 0.0, -1.0], [n.div_ceil(2) as f32 * 0.01, 1.0, 1.0]);
-    let mut json = format!(
+    let json = format!(
         r#"{{"asset":{{"version":"2.0"}},"scene":0,"scenes":[{{"nodes":[0]}}],"nodes":[{{"mesh":0}}],
 "meshes":[{{"primitives":[{{"attributes":{{"POSITION":0}},"indices":1}}]}}],
 "accessors":[{{"bufferView":0,"componentType":5126,"count":{},"type":"VEC3","min":{low:?},"max":{high:?}}},
@@ -117,13 +118,6 @@ fn glb(n: usize) -> Vec<u8> {
         3 * n,
         bytes.len() - split,
         bytes.len()
-    )
-    .into_bytes();
-    json.resize(json.len().next_multiple_of(4), b' ');
-    let chunk = |kind: u32, content: &[u8]| {
-        [&(content.len() as u32).to_le_bytes(), &kind.to_le_bytes(), content].concat()
-    };
-    let chunks = [chunk(0x4E4F_534A, &json), chunk(0x004E_4942, &bytes)].concat();
-    let head = [0x4654_6C67, 2, 12 + chunks.len() as u32].map(u32::to_le_bytes).concat();
-    [head, chunks].concat()
+    );
+    glb(&json, &bytes)
 }

@@ -1,4 +1,4 @@
-//! How time and memory grow with the size of inputs.
+//! Growth of time and memory with the size of inputs.
 //!
 //! `cargo bench --bench growth` prints a table; `docs/performance.md` describes it. Options after
 //! `--`: a part of names of curves, `--list` to print the names, and `--judge` to exit with 1 if a
@@ -17,6 +17,7 @@ mod curve;
 mod debugging;
 mod fit;
 mod frames;
+mod glb;
 mod loading;
 mod measure;
 mod module_writer;

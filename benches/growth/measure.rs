@@ -1,4 +1,4 @@
-//! Time and memory of a piece of work, here or in a process of its own.
+//! Measures time and memory of a function, or of a command in a separate process.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode, Stdio};
@@ -84,7 +84,7 @@ fn cost_of<T>(call: impl FnOnce() -> T) -> Cost {
     Cost { seconds, bytes: ALLOCATOR.peak_usage().saturating_sub(before) as f64 }
 }
 
-/// Runs a command in a process of its own, as the exit of a command ends the process.
+/// Runs a command in a separate process, because a command exits its process.
 fn cost_of_command(arguments: &[String], code: i32, folder: &Path) -> Cost {
     let file = folder.join("cost");
     let program = std::env::current_exe().expect("the path of this program");

@@ -70,7 +70,7 @@ impl SceneFileArgs {
         self.strict.is_set()
     }
 
-    /// Whether every file that a scene names is read with it.
+    /// Whether `--read-all` is given.
     pub(super) fn read_all(&self) -> bool {
         self.read_all
     }

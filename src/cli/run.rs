@@ -94,7 +94,7 @@ pub(super) fn run(args: RunArgs) -> Result<()> {
                 only_shaders_trace: true,
                 ..LoadOptions::default()
             };
-            // What is printed or saved is read, even if no shader does.
+            // `--dump` and `--save` need resources that no shader declares.
             let files = args.files.reading_all(!args.dump.is_empty() || !args.save.is_empty());
             match streamed {
                 None => files.scene(&args.file, &options)?,

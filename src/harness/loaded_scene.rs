@@ -132,6 +132,7 @@ impl LoadedScene {
     }
 
     fn set_sized_buffer(&mut self, name: &str, given: HostBytes) -> Result<&mut Self> {
+        self.read_if_unread(name)?;
         let known = self.scene.resources.iter().find(|one| one.name == name);
         let size = known.and_then(|one| one.resource.buffer_size().ok().flatten());
         let unbound = || self.scene.unbound.iter().find(|one| one.name == name)?.data.size().ok();
@@ -356,14 +357,23 @@ impl LoadedScene {
     }
 
     fn change(&mut self, change: Change) -> Result<&mut Self> {
-        // What no shader reads may be what the change is about, or what the new shader reads.
-        let may_read_more = matches!(change, Change::Shader(..));
-        if !self.scene.unread.is_empty() && (may_read_more || change.apply(&mut self.scene).is_err()) {
-            self.read_all()?;
+        match &change {
+            Change::Buffer(name, _) => self.read_if_unread(name)?,
+            // It may read what the shader before it did not.
+            Change::Shader(..) if !self.scene.unread.is_empty() => drop(self.read_all()?),
+            _ => {}
         }
         change.apply(&mut self.scene)?;
         self.changes.push(change);
         Ok(self)
+    }
+
+    /// Reads every file if a part of the scene was left out that has this name.
+    fn read_if_unread(&mut self, name: &str) -> Result<()> {
+        match self.scene.unread.iter().any(|part| part.name == name) {
+            true => self.read_all().map(drop),
+            false => Ok(()),
+        }
     }
 
     /// Reads every file that the scene names, and makes all changes again. Without it, files that

@@ -4,7 +4,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use crate::error::Result;
-use crate::machine::{Bindings, LaunchObserver, Observer, TaskWatch};
+use crate::machine::{Bindings, LaunchObserver, Observer, TaskWatch, Watchdog};
 use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::pipeline::launch::{Launch, MAX_SINGLE_THREADED, task_size};
 use crate::pipeline::observer::PipelineObserver;
@@ -18,15 +18,33 @@ use crate::pipeline::trapped::{Trapped, spent_together, timed_out};
 /// Runs the invocations of a task under a pipeline observer and an observer of operations.
 pub type ObservedTask<'a> = dyn FnMut(&mut dyn PipelineObserver, &mut dyn LaunchObserver) + 'a;
 
-/// The data that all tasks of an observed launch use.
-struct ObservedTasks<'a> {
+/// A launch that is observed, in tasks.
+struct ObservedLaunch<'a> {
     record: &'a SbtRecord,
-    bindings: &'a [Bindings],
-    order: &'a InvocationOrder,
-    /// Watches the thread that runs them.
-    watch: Arc<TaskWatch>,
+    bindings: Vec<Bindings>,
+    order: InvocationOrder,
+    /// The number of invocations, and that of each task.
+    count: u64,
+    task_size: u64,
+    watchdog: Arc<Watchdog>,
     /// Whether each invocation runs by itself.
     single_lane: bool,
+}
+
+impl ObservedLaunch<'_> {
+    fn tasks(&self) -> u64 {
+        self.count.div_ceil(self.task_size)
+    }
+
+    /// The positions of a task in launch order.
+    fn range(&self, task: u64) -> Range<u64> {
+        task * self.task_size..self.count.min((task + 1) * self.task_size)
+    }
+
+    /// The launch index of the last invocation of a task.
+    fn last(&self, task: u64) -> [u32; 3] {
+        self.order.launch_id(self.range(task).end - 1)
+    }
 }
 
 impl Launch<'_> {
@@ -42,35 +60,21 @@ impl Launch<'_> {
         pipeline_observer: &mut dyn PipelineObserver,
         observer: &mut dyn LaunchObserver,
     ) -> Result<Stats> {
-        let record = self.ray_generation()?;
-        let count = self.invocation_count(size)?;
-        let bindings = bindings(self.pipeline, self.resources);
-        let subgroups = self.pipeline.whole_subgroups();
-        if subgroups.is_some_and(|size| size > 64) {
-            return self.run::<64>(size, &|_| ());
-        }
+        let Some(work) = self.observed(size)? else { return self.run::<64>(size, &|_| ()) };
+        let (dog, watch) = (&work.watchdog, work.watchdog.watch());
         let mut stats = Stats::default();
-        let task_size = task_size(count);
-        let (dog, order) = (self.watchdog(count), InvocationOrder::by_index(size));
-        let work = ObservedTasks {
-            record,
-            bindings: &bindings,
-            order: &order,
-            watch: dog.watch(),
-            single_lane: self.pipeline.order_dependent() && subgroups.is_none(),
-        };
-        for task in 0..count.div_ceil(task_size) {
-            let range = task * task_size..count.min((task + 1) * task_size);
-            let last = work.order.launch_id(range.end - 1);
-            let (task_stats, trapped) = self.run_observed_task(&work, range, pipeline_observer, observer);
+        for task in 0..work.tasks() {
+            let range = work.range(task);
+            let (task_stats, trapped) =
+                self.run_observed_task(&work, &watch, range, pipeline_observer, observer);
             if let Some(trapped) = trapped {
                 return Err(trapped.error);
             }
-            if dog.end_task(task, work.watch.spent()).is_some() {
-                return Err(spent_together(None, last, &dog).error);
+            if dog.end_task(task, watch.spent()).is_some() {
+                return Err(spent_together(None, work.last(task), dog).error);
             }
-            if let Some(code) = work.watch.timed_out() {
-                return Err(timed_out(last, code, &dog).error);
+            if let Some(code) = watch.timed_out() {
+                return Err(timed_out(work.last(task), code, dog).error);
             }
             stats = stats.plus(&task_stats);
         }
@@ -89,21 +93,10 @@ impl Launch<'_> {
         size: [u32; 3],
         observe: &(dyn Fn(Range<u64>, &mut ObservedTask<'_>) + Sync),
     ) -> Result<Stats> {
-        let record = self.ray_generation()?;
-        let count = self.invocation_count(size)?;
-        let bindings = bindings(self.pipeline, self.resources);
-        let subgroups = self.pipeline.whole_subgroups();
-        if subgroups.is_some_and(|size| size > 64) {
-            return self.run::<64>(size, &|_| ());
-        }
-        let ordered = self.pipeline.order_dependent();
-        let single_threaded = ordered || self.pipeline.shared_memory(size, self.resources).is_some();
-        let task_size = task_size(count);
-        let (dog, order) = (self.watchdog(count), InvocationOrder::by_index(size));
-        let tasks = TaskQueue::new(count.div_ceil(task_size));
-        let range_of = |task: u64| task * task_size..count.min((task + 1) * task_size);
+        let Some(work) = self.observed(size)? else { return self.run::<64>(size, &|_| ()) };
+        let (dog, tasks) = (&work.watchdog, TaskQueue::new(work.tasks()));
         let stop = |trapped: Trapped| {
-            let number = order.linear_index(trapped.launch_id);
+            let number = work.order.linear_index(trapped.launch_id);
             tasks.record_trap(number);
             if trapped.code.is_limit() {
                 dog.stop_at(number);
@@ -112,59 +105,71 @@ impl Launch<'_> {
         };
         let worker = || {
             let watch = dog.watch();
-            let single_lane = ordered && subgroups.is_none();
-            let work = ObservedTasks {
-                record,
-                bindings: &bindings,
-                order: &order,
-                watch: watch.clone(),
-                single_lane,
-            };
             let mut results = TaskResults::default();
-            for (task, range) in tasks.iter().map(|task| (task, range_of(task))) {
+            for (task, range) in tasks.iter().map(|task| (task, work.range(task))) {
                 if tasks.is_after_trap(range.start) || dog.is_beyond(range.start) {
                     continue;
                 }
                 let mut ran = None;
                 observe(range.clone(), &mut |pipeline_observer, observer| {
-                    ran = Some(self.run_observed_task(&work, range.clone(), pipeline_observer, observer));
+                    let range = range.clone();
+                    ran = Some(self.run_observed_task(&work, &watch, range, pipeline_observer, observer));
                 });
                 let (stats, trapped) = ran.expect("bug in anyhit: an observed task did not run");
-                let has_trapped = trapped.is_some();
                 results = results.merge(TaskResults { stats, trapped: None });
-                results = trapped.into_iter().map(&stop).fold(results, TaskResults::merge);
-                if let (false, Some(code)) = (has_trapped, watch.timed_out()) {
-                    results = results.merge(stop(timed_out(order.launch_id(range.end - 1), code, &dog)));
-                }
+                let late = watch.timed_out().filter(|_| trapped.is_none());
+                let late = late.map(|code| timed_out(work.last(task), code, dog));
+                results = trapped.into_iter().chain(late).map(&stop).fold(results, TaskResults::merge);
                 // All tasks before have ended.
                 if let Some(over) = dog.end_task(task, watch.spent()) {
-                    let last = order.launch_id(range_of(over).end - 1);
-                    results = results.merge(stop(spent_together(None, last, &dog)));
+                    results = results.merge(stop(spent_together(None, work.last(over), dog)));
                 }
             }
             results
         };
-        let is_small = count <= MAX_SINGLE_THREADED;
-        tasks.run(single_threaded || is_small, &worker).map_err(|trapped| trapped.error)
+        let single_threaded = self.pipeline.order_dependent()
+            || self.pipeline.shared_memory(size, self.resources).is_some()
+            || work.count <= MAX_SINGLE_THREADED;
+        tasks.run(single_threaded, &worker).map_err(|trapped| trapped.error)
+    }
+
+    /// A launch as it is observed; `None` where its subgroups are too large.
+    fn observed(&self, size: [u32; 3]) -> Result<Option<ObservedLaunch<'_>>> {
+        let (record, count) = (self.ray_generation()?, self.invocation_count(size)?);
+        let subgroups = self.pipeline.whole_subgroups();
+        if subgroups.is_some_and(|size| size > 64) {
+            return Ok(None);
+        }
+        Ok(Some(ObservedLaunch {
+            record,
+            bindings: bindings(self.pipeline, self.resources),
+            order: InvocationOrder::by_index(size),
+            count,
+            task_size: task_size(count),
+            watchdog: self.watchdog(count),
+            single_lane: self.pipeline.order_dependent() && subgroups.is_none(),
+        }))
     }
 
     /// Runs the invocations at a range of positions under observers.
     fn run_observed_task(
         &self,
-        work: &ObservedTasks<'_>,
+        work: &ObservedLaunch<'_>,
+        watch: &Arc<TaskWatch>,
         range: Range<u64>,
         pipeline_observer: &mut dyn PipelineObserver,
         observer: &mut dyn LaunchObserver,
     ) -> (Stats, Option<Trapped>) {
         match work.single_lane {
-            true => self.run_observed_lanes::<1>(work, range, pipeline_observer, observer),
-            false => self.run_observed_lanes::<64>(work, range, pipeline_observer, observer),
+            true => self.run_observed_lanes::<1>(work, watch, range, pipeline_observer, observer),
+            false => self.run_observed_lanes::<64>(work, watch, range, pipeline_observer, observer),
         }
     }
 
     fn run_observed_lanes<const W: usize>(
         &self,
-        work: &ObservedTasks<'_>,
+        work: &ObservedLaunch<'_>,
+        watch: &Arc<TaskWatch>,
         range: Range<u64>,
         pipeline_observer: &mut dyn PipelineObserver,
         observer: &mut dyn Observer<W>,
@@ -172,11 +177,11 @@ impl Launch<'_> {
     where
         LaneKernel: Width<W>,
     {
-        work.watch.begin_task(range.end - range.start);
+        watch.begin_task(range.end - range.start);
         let mut stack =
-            Stack::<W>::new(self.pipeline, work.bindings, Some(pipeline_observer), Some(observer))
-                .watched(work.watch.clone());
-        stack.launch_batches(work.record, work.order, range);
+            Stack::<W>::new(self.pipeline, &work.bindings, Some(pipeline_observer), Some(observer))
+                .watched(watch.clone());
+        stack.launch_batches(work.record, &work.order, range);
         (stack.stats, stack.trapped)
     }
 }

@@ -40,8 +40,8 @@ pub trait Files: Sync {
         false
     }
 
-    /// Returns true if every file that a scene names is read with it; else those that nothing reads
-    /// are only checked to be there, and pictures are decoded at the first read of a texel.
+    /// Returns true if loading a scene reads every file that it names. Otherwise unread files must
+    /// only exist, and pictures are decoded at the first read of a texel.
     fn read_all(&self) -> bool {
         false
     }
@@ -110,8 +110,8 @@ pub struct SceneFiles {
     /// Whether a module is rejected that uses a capability or an extension without declaring it
     /// (`--strict`); else that is a warning.
     pub strict: bool,
-    /// Whether every file that a scene names is read with it (`--read-all`), so that errors are
-    /// found in those that nothing reads.
+    /// Whether loading a scene reads every file that it names (`--read-all`), which also reports
+    /// errors in files that nothing reads.
     pub read_all: bool,
 }
 

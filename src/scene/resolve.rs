@@ -206,7 +206,9 @@ struct Resolver<'a> {
     module_places: HashMap<ModuleKey, usize>,
     /// The groups of all pipelines, one after the other.
     groups: Vec<ResolvedGroup>,
-    /// The modules that data by member name asked for, by their paths.
+    /// The files of modules that were loaded before a shader of the scene named them.
+    read_early: RefCell<HashMap<ModuleKey, ShaderModule>>,
+    /// The modules that were loaded early, for what they declare, by their paths.
     loaded: RefCell<HashMap<ModuleKey, Result<Arc<Module>>>>,
 }
 
@@ -248,6 +250,7 @@ impl<'a> Resolver<'a> {
             modules: Vec::new(),
             module_places: HashMap::new(),
             groups: Vec::new(),
+            read_early: RefCell::default(),
             loaded: RefCell::default(),
         };
         let mut variants = Vec::new();

@@ -50,7 +50,7 @@ pub(super) fn build_parts(
     std::iter::once(above).chain(children.into_iter().flatten()).collect()
 }
 
-/// Whether one thread builds the tree over references.
+/// Returns whether a tree over this input is built by one thread.
 pub(super) fn is_one_part(prim_refs: &[PrimRef], threads: BuildThreads) -> bool {
     threads == BuildThreads::One || prim_refs.len() <= PARALLEL_BUILD_MIN
 }

@@ -54,6 +54,33 @@ impl Picture {
     }
 }
 
+/// The formats of picture files that this build reads.
+enum PictureFormat {
+    #[cfg(feature = "images")]
+    Png,
+    #[cfg(feature = "images")]
+    Jpeg,
+    Exr,
+    Radiance,
+}
+
+impl PictureFormat {
+    /// The format of a file, by its first bytes.
+    fn of(bytes: &[u8]) -> Result<Self> {
+        match bytes {
+            #[cfg(not(feature = "images"))]
+            [0x89, b'P', b'N', b'G', ..] | [0xff, 0xd8, 0xff, ..] => Err(missing_images()),
+            #[cfg(feature = "images")]
+            [0x89, b'P', b'N', b'G', 0x0d, 0x0a, 0x1a, 0x0a, ..] => Ok(Self::Png),
+            #[cfg(feature = "images")]
+            [0xff, 0xd8, 0xff, ..] => Ok(Self::Jpeg),
+            [0x76, 0x2f, 0x31, 0x01, ..] => exr_support().map(|()| Self::Exr),
+            _ if Radiance::is(bytes) => Ok(Self::Radiance),
+            _ => Err(invalid("unknown image format: expected PNG, JPEG, HDR or EXR")),
+        }
+    }
+}
+
 impl PictureHeader {
     /// Reads the header of a picture file, and compares what decoding takes with the limits.
     ///
@@ -80,19 +107,13 @@ impl PictureHeader {
 
 fn header(bytes: &[u8], size: u64, wanted: Option<Format>, limits: &InputLimits) -> Result<PictureHeader> {
     limits.check(InputLimit::ImageBytes, size, ErrorKind::InvalidImage)?;
-    let header = match bytes {
-        #[cfg(not(feature = "images"))]
-        [0x89, b'P', b'N', b'G', ..] | [0xff, 0xd8, 0xff, ..] => return Err(missing_images()),
+    let header = match PictureFormat::of(bytes)? {
         #[cfg(feature = "images")]
-        [0x89, b'P', b'N', b'G', 0x0d, 0x0a, 0x1a, 0x0a, ..] => png_jpeg::png_header(bytes, size, limits)?,
+        PictureFormat::Png => png_jpeg::png_header(bytes, size, limits)?,
         #[cfg(feature = "images")]
-        [0xff, 0xd8, 0xff, ..] => png_jpeg::jpeg_header(bytes, size)?,
-        [0x76, 0x2f, 0x31, 0x01, ..] => {
-            exr_support()?;
-            exr_header(bytes, limits)?
-        }
-        _ if Radiance::is(bytes) => radiance_header(&Radiance::new(bytes)?, size),
-        _ => return Err(invalid("unknown image format: expected PNG, JPEG, HDR or EXR")),
+        PictureFormat::Jpeg => png_jpeg::jpeg_header(bytes, size)?,
+        PictureFormat::Exr => exr_header(bytes, limits)?,
+        PictureFormat::Radiance => radiance_header(&Radiance::new(bytes)?, size),
     };
     header.check(size, wanted, limits)?;
     Ok(PictureHeader { format: wanted.unwrap_or(header.stored()), extent: header.extent })
@@ -100,19 +121,13 @@ fn header(bytes: &[u8], size: u64, wanted: Option<Format>, limits: &InputLimits)
 
 fn decode(bytes: &[u8], wanted: Option<Format>, limits: &InputLimits) -> Result<Picture> {
     limits.check(InputLimit::ImageBytes, bytes.len() as u64, ErrorKind::InvalidImage)?;
-    let decoded = match bytes {
-        #[cfg(not(feature = "images"))]
-        [0x89, b'P', b'N', b'G', ..] | [0xff, 0xd8, 0xff, ..] => return Err(missing_images()),
+    let decoded = match PictureFormat::of(bytes)? {
         #[cfg(feature = "images")]
-        [0x89, b'P', b'N', b'G', 0x0d, 0x0a, 0x1a, 0x0a, ..] => png_jpeg::png(bytes, wanted, limits)?,
+        PictureFormat::Png => png_jpeg::png(bytes, wanted, limits)?,
         #[cfg(feature = "images")]
-        [0xff, 0xd8, 0xff, ..] => png_jpeg::jpeg(bytes, wanted, limits)?,
-        [0x76, 0x2f, 0x31, 0x01, ..] => {
-            exr_support()?;
-            exr(bytes, wanted, limits)?
-        }
-        _ if Radiance::is(bytes) => radiance(bytes, wanted, limits)?,
-        _ => return Err(invalid("unknown image format: expected PNG, JPEG, HDR or EXR")),
+        PictureFormat::Jpeg => png_jpeg::jpeg(bytes, wanted, limits)?,
+        PictureFormat::Exr => exr(bytes, wanted, limits)?,
+        PictureFormat::Radiance => radiance(bytes, wanted, limits)?,
     };
     Ok(texels_of(decoded, wanted))
 }

@@ -136,7 +136,13 @@ impl Resolver<'_> {
         if let Some(&known) = self.module_places.get(&key) {
             return Some(known);
         }
-        let module = self.report.keep(self.read_module(name, entry)?)?;
+        let module = match self.read_early.get_mut().remove(&key) {
+            Some(early) => {
+                let place = entry.path.as_ref().or(entry.source.as_ref())?.span.place();
+                ShaderModule { name: name.to_string(), place, ..early }
+            }
+            None => self.report.keep(self.read_module(name, entry)?)?,
+        };
         self.module_places.insert(key, self.modules.len());
         self.modules.push(module);
         Some(self.modules.len() - 1)
@@ -188,8 +194,11 @@ impl Resolver<'_> {
         if let Some(&index) = self.module_places.get(key) {
             return load(&self.modules[index]);
         }
-        let module = self.read_module(name, entry).expect("bug in anyhit: an entry with a key has no file");
-        load(&module?)
+        let module =
+            self.read_module(name, entry).expect("bug in anyhit: an entry with a key has no file")?;
+        let loaded = load(&module);
+        self.read_early.borrow_mut().insert(key.clone(), module);
+        loaded
     }
 
     /// The modules that are loaded, by their indices.

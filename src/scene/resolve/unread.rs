@@ -1,9 +1,9 @@
-//! What nothing of a scene reads: its files are checked to be there, and not opened.
+//! Leaves out parts of a scene that nothing reads: their files must exist, but are not opened.
 //!
-//! Something reads a resource if a shader declares its set and binding, or if the scene says its
-//! name anywhere else; an acceleration structure if such a resource binds it, or a host may trace
-//! rays; a geometry or a model if such a structure has an instance of it, or if its name is said.
-//! In doubt it is read.
+//! A resource is read if a shader declares its set and binding, or if the scene uses its name
+//! elsewhere. An acceleration structure is read if such a resource binds it, or if the host may
+//! trace rays. A geometry or a model is read if such a structure has an instance of it, or if the
+//! scene uses its name. A doubtful part is read.
 
 use std::collections::HashSet;
 
