@@ -7,10 +7,14 @@
 //! stride of 0 makes all elements the same. Numbers are widened to `f32` exactly, but for
 //! normalised ones, which are rounded once.
 
+use std::ops::Range;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+
 use crate::accel::element_format::word;
 use crate::accel::geometry_data::{EndCaps, GeometryData, Indexing};
 use crate::accel::strided::StridedLayout;
 use crate::error::{Error, ErrorKind, Result};
+use crate::input::threads;
 use crate::math::array;
 
 pub use crate::accel::element_format::{IndexType, RadiusFormat, VertexFormat, snorm16};
@@ -223,11 +227,8 @@ impl<'a> BuildInput<'a> {
         last_offset: u64,
         radii: Option<(Strided<'_>, RadiusFormat)>,
     ) -> Result<Fetched> {
-        let entries = entries.numbers(self.range.first_vertex)?;
-        let mut names = Vec::with_capacity(entries.len() * (1 + last_offset as usize));
-        names.extend(entries.iter().flat_map(|&entry| entry..=entry + last_offset));
-        names.sort_unstable();
-        names.dedup();
+        let numbers = entries.numbers(self.range.first_vertex)?;
+        let names = Names::of(&numbers, last_offset);
 
         // Without indices the range moves the buffers, otherwise it has moved the indices.
         let begin = |stride: u64| match self.indices {
@@ -238,7 +239,7 @@ impl<'a> BuildInput<'a> {
         let stride = self.vertices.stride.unwrap_or(size);
         let layout = StridedLayout { begin: begin(stride), stride, size };
         let format = self.vertex_format;
-        let points = layout.fetch(self.vertices.bytes, &names, "vertex", |bytes| format.read(bytes))?;
+        let points = fetch(&layout, self.vertices.bytes, &names, "vertex", |bytes| format.read(bytes))?;
         let radii = match radii {
             None => Vec::new(),
             Some((radii, format)) => {
@@ -249,42 +250,200 @@ impl<'a> BuildInput<'a> {
                     )));
                 }
                 let layout = StridedLayout { begin: begin(stride), stride, size: format.size() };
-                layout.fetch(radii.bytes, &names, "radius", |bytes| format.read(bytes))?
+                fetch(&layout, radii.bytes, &names, "radius", |bytes| format.read(bytes))?
             }
         };
-        // Where no vertex is left out, and that is the rule, none need be searched for.
-        let first = names.first().copied().unwrap_or(0);
-        let is_dense = names.last().is_none_or(|last| last - first + 1 == names.len() as u64);
-        let name = |entry: &u64| match is_dense {
-            true => (entry - first) as u32,
-            false => names.partition_point(|name| name < entry) as u32,
-        };
-        Ok(Fetched { points, indices: entries.iter().map(name).collect(), radii })
+        Ok(Fetched { points, indices: numbers.renamed(&names), radii })
     }
 }
 
-impl Entries<'_> {
-    /// Which vertices the primitives name, in their order, `first_vertex` included where there are
-    /// indices.
-    fn numbers(&self, first_vertex: u32) -> Result<Vec<u64>> {
+impl<'a> Entries<'a> {
+    /// The vertices that the primitives name, `first_vertex` included where there are indices.
+    fn numbers(&self, first_vertex: u32) -> Result<Numbers<'a>> {
         let count = self.primitives * self.each;
-        let Some((layout, all, index_type)) = &self.indices else { return Ok((0..count).collect()) };
-        let mut numbers = Vec::with_capacity(count as usize);
-        for entry in 0..count {
-            let bytes = layout.element(all, entry).map_err(|end| {
-                invalid(format!(
-                    "index {entry} ends at byte {end}, past the end of the {} bytes of indices",
-                    all.len()
-                ))
-            })?;
+        if let Some((layout, all, _)) = &self.indices
+            && count > 0
+            && layout.element(all, count - 1).is_err()
+            && let Some((entry, end)) =
+                (0..count).find_map(|entry| Some((entry, layout.element(all, entry).err()?)))
+        {
+            return Err(invalid(format!(
+                "index {entry} ends at byte {end}, past the end of the {} bytes of indices",
+                all.len()
+            )));
+        }
+        Ok(Numbers { indices: self.indices, first_vertex: first_vertex.into(), count: count as usize })
+    }
+}
+
+/// The entries that a thread decodes at once.
+const PART: usize = 1 << 16;
+
+/// Which vertices the primitives of a geometry name, in their order. All indices lie in their
+/// buffer.
+struct Numbers<'a> {
+    indices: Option<(StridedLayout, &'a [u8], IndexType)>,
+    first_vertex: u64,
+    count: usize,
+}
+
+impl Numbers<'_> {
+    /// Calls a function with the vertices that a range of entries names, in their order.
+    #[inline(always)]
+    fn each(&self, range: Range<usize>, mut visit: impl FnMut(u64)) {
+        let first = self.first_vertex;
+        let Some((layout, all, index_type)) = &self.indices else {
+            return range.for_each(|at| visit(at as u64));
+        };
+        if layout.stride == layout.size && !range.is_empty() {
+            // The indices are side by side.
+            let size = layout.size as usize;
+            let bytes = &all[layout.begin as usize..][range.start * size..range.end * size];
+            return match index_type {
+                IndexType::Uint32 => {
+                    let indices = bytes.as_chunks::<4>().0.iter();
+                    indices.for_each(|index| visit(first + u64::from(u32::from_le_bytes(*index))));
+                }
+                _ => {
+                    let indices = bytes.as_chunks::<2>().0.iter();
+                    indices.for_each(|index| visit(first + u64::from(u16::from_le_bytes(*index))));
+                }
+            };
+        }
+        for at in range {
+            let bytes = layout.element(all, at as u64).expect("bug in anyhit: an index is not in its buffer");
             let index = match index_type {
                 IndexType::Uint32 => u32::from_le_bytes(word(bytes, 0)),
                 _ => u16::from_le_bytes(word(bytes, 0)).into(),
             };
-            numbers.push(u64::from(index) + u64::from(first_vertex));
+            visit(first + u64::from(index));
         }
-        Ok(numbers)
     }
+
+    /// Makes something of each part of the entries.
+    fn parts<T: Send>(&self, make: &(dyn Fn(Range<usize>) -> T + Sync)) -> Vec<T> {
+        let part = |at: usize| at * PART..self.count.min((at + 1) * PART);
+        threads::map(self.count.div_ceil(PART), &|at| make(part(at)))
+    }
+
+    /// The place of each entry's vertex among those that are named.
+    fn renamed(&self, names: &Names) -> Vec<u32> {
+        let mut indices = vec![0; self.count];
+        threads::fill(&mut indices, PART, &|begin, part| {
+            let end = begin + part.len();
+            let mut places = part.iter_mut();
+            let mut put = |place| {
+                if let Some(to) = places.next() {
+                    *to = place;
+                }
+            };
+            match names {
+                Names::From { first, .. } => self.each(begin..end, |number| put((number - first) as u32)),
+                Names::Listed(list) => {
+                    self.each(begin..end, |number| put(list.partition_point(|&name| name < number) as u32));
+                }
+            }
+        });
+        indices
+    }
+}
+
+/// The vertices that a geometry keeps, ascending, each once.
+enum Names {
+    /// All of so many from one on, which is the rule.
+    From { first: u64, count: usize },
+    /// The vertices of a list.
+    Listed(Vec<u64>),
+}
+
+impl Names {
+    /// The vertices that entries name, and those up to `last_offset` behind each.
+    fn of(numbers: &Numbers<'_>, last_offset: u64) -> Self {
+        if numbers.indices.is_none() {
+            return Self::From { first: 0, count: numbers.count };
+        }
+        let bounds = numbers.parts(&|range| {
+            let mut bounds = [u64::MAX, 0];
+            numbers.each(range, |number| bounds = [bounds[0].min(number), bounds[1].max(number)]);
+            bounds
+        });
+        let bounds = bounds.into_iter().reduce(|[a, b], [c, d]| [a.min(c), b.max(d)]);
+        let Some([first, last]) = bounds else { return Self::From { first: 0, count: 0 } };
+        let span = last + last_offset - first + 1;
+        let all = |range, visit: &mut dyn FnMut(u64)| {
+            numbers.each(range, |number| (number..=number + last_offset).for_each(&mut *visit));
+        };
+        if span / 64 > numbers.count as u64 {
+            let mut list = Vec::with_capacity(numbers.count * (1 + last_offset as usize));
+            all(0..numbers.count, &mut |number| list.push(number));
+            list.sort_unstable();
+            list.dedup();
+            return Self::Listed(list);
+        }
+        // A bit for each vertex.
+        let words: Vec<AtomicU64> = (0..span.div_ceil(64)).map(|_| AtomicU64::new(0)).collect();
+        numbers.parts(&|range| {
+            all(range, &mut |number| {
+                let (word, bit) = (&words[((number - first) / 64) as usize], 1 << ((number - first) % 64));
+                // Most vertices are named several times.
+                if word.load(Relaxed) & bit == 0 {
+                    word.fetch_or(bit, Relaxed);
+                }
+            });
+        });
+        let count: u64 = words.iter().map(|word| u64::from(word.load(Relaxed).count_ones())).sum();
+        if count == span {
+            return Self::From { first, count: count as usize };
+        }
+        let mut list = Vec::with_capacity(count as usize);
+        for (begin, word) in (first..).step_by(64).zip(&words) {
+            let word = word.load(Relaxed);
+            list.extend((0..64).filter(|bit| word >> bit & 1 == 1).map(|bit| begin + bit));
+        }
+        Self::Listed(list)
+    }
+
+    fn len(&self) -> usize {
+        match self {
+            Self::From { count, .. } => *count,
+            Self::Listed(list) => list.len(),
+        }
+    }
+
+    fn get(&self, at: usize) -> u64 {
+        match self {
+            Self::From { first, .. } => first + at as u64,
+            Self::Listed(list) => list[at],
+        }
+    }
+}
+
+/// The elements of a buffer that names stand for.
+fn fetch<T: Copy + Default + Send>(
+    layout: &StridedLayout,
+    bytes: &[u8],
+    names: &Names,
+    what: &str,
+    read: impl Fn(&[u8]) -> T + Sync,
+) -> Result<Vec<T>> {
+    let is_inside = |at: &usize| layout.element(bytes, names.get(*at)).is_ok();
+    if names.len() > 0 && !is_inside(&(names.len() - 1)) {
+        let outside = (0..names.len()).find(|at| !is_inside(at)).unwrap_or(0);
+        let at = names.get(outside);
+        let end = layout.element(bytes, at).err().unwrap_or(0);
+        let size = bytes.len();
+        return Err(invalid(format!(
+            "{what} {at} ends at byte {end}, past the end of its buffer of {size} bytes"
+        )));
+    }
+    let mut elements = vec![T::default(); names.len()];
+    threads::fill(&mut elements, PART, &|begin, part| {
+        for (element, at) in part.iter_mut().zip(begin..) {
+            let bytes = layout.element(bytes, names.get(at));
+            *element = read(bytes.expect("bug in anyhit: a vertex is not in its buffer"));
+        }
+    });
+    Ok(elements)
 }
 
 /// Boxes from a buffer of `VkAabbPositionsKHR`, a stride apart.
@@ -368,6 +527,7 @@ mod tests {
     use super::*;
     use crate::accel::Primitive;
     use crate::accel::element_format::tests::{floats, halves, shorts};
+    use crate::math::random::Random;
 
     const TRIANGLE: BuildRange = BuildRange { primitive_count: None, primitive_offset: 0, first_vertex: 0 };
 
@@ -483,6 +643,40 @@ mod tests {
         let error = BuildInput { range: more, ..input }.triangles_size().unwrap_err();
         assert!(error.message().contains("maxPrimitiveCount"), "{error}");
         assert!(aabbs_size(boxes, more).is_err());
+    }
+
+    /// Against the definition: the names sorted, each once.
+    #[test]
+    fn vertices_keep_their_order_for_every_number_of_threads() {
+        let mut random = Random::new(5);
+        let positions = floats(&(0..3 * 70_000).map(|x| x as f32).collect::<Vec<_>>());
+        // All vertices of a range, some of one, and few that lie far apart.
+        let in_turn: Vec<u32> = (0..210_000).map(|at| 7 + at % 69_000).collect();
+        let drawn = [(150_000, 30_000), (90, 69_000)]
+            .map(|(count, spread)| (0..count).map(|_| 7 + random.below(spread) as u32).collect());
+        for numbers in [in_turn].into_iter().chain(drawn) {
+            let bytes: Vec<u8> = numbers.iter().flat_map(|number| number.to_le_bytes()).collect();
+            let mut names = numbers.clone();
+            names.sort_unstable();
+            names.dedup();
+            let vertices = names.iter().map(|&name| [0, 1, 2].map(|axis| (3 * name + axis) as f32));
+            let indices = numbers.iter().map(|number| names.binary_search(number).unwrap() as u32);
+            let wanted = GeometryData::Triangles {
+                vertices: vertices.collect(),
+                indices: Some(indices.collect()),
+                transform: None,
+            };
+            let input = BuildInput {
+                vertices: packed(&positions),
+                vertex_format: VertexFormat::R32G32B32Sfloat,
+                indices: Some((packed(&bytes), IndexType::Uint32)),
+                range: TRIANGLE,
+            };
+            for threads in [1, 2, 3] {
+                let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+                assert_eq!(pool.install(|| input.triangles(None)).unwrap(), wanted);
+            }
+        }
     }
 
     #[test]

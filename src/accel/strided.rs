@@ -1,7 +1,5 @@
 //! Elements of a buffer, a stride apart.
 
-use crate::error::{Error, ErrorKind, Result};
-
 /// Elements in a buffer, a stride apart.
 #[derive(Clone, Copy, Debug)]
 pub struct Strided<'a> {
@@ -12,6 +10,7 @@ pub struct Strided<'a> {
 }
 
 /// The layout of the elements of a buffer.
+#[derive(Clone, Copy)]
 pub(super) struct StridedLayout {
     /// Where the first one begins, in bytes.
     pub begin: u64,
@@ -37,27 +36,5 @@ impl StridedLayout {
         let begin = self.begin.saturating_add(self.stride.saturating_mul(at));
         let end = begin.saturating_add(self.size);
         bytes.get(begin as usize..end as usize).ok_or(end)
-    }
-
-    /// The elements with these numbers.
-    pub(super) fn fetch<T>(
-        &self,
-        bytes: &[u8],
-        numbers: &[u64],
-        what: &str,
-        read: impl Fn(&[u8]) -> T,
-    ) -> Result<Vec<T>> {
-        let mut all = Vec::with_capacity(numbers.len());
-        for &at in numbers {
-            let element = self.element(bytes, at).map_err(|end| {
-                let message = format!(
-                    "{what} {at} ends at byte {end}, past the end of its buffer of {} bytes",
-                    bytes.len()
-                );
-                Error::new(ErrorKind::InvalidScene, message)
-            })?;
-            all.push(read(element));
-        }
-        Ok(all)
     }
 }

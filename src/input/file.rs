@@ -1,12 +1,14 @@
 //! Reads whole files, up to a limit.
 
 use std::fs::{File, FileType, Metadata};
-use std::io::Read;
+use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
 use crate::error::{Error, ErrorKind, Result};
 use crate::escape;
 use crate::input::limits::{InputLimit, InputLimits};
+use crate::input::threads;
 
 /// The path that stands for standard input.
 pub const STANDARD_INPUT: &str = "-";
@@ -27,7 +29,7 @@ pub fn read_argument(path: &Path, limit: InputLimit, limits: &InputLimits) -> Re
     if metadata.is_dir() {
         return Err(Error::io(path, std::io::ErrorKind::IsADirectory.into()));
     }
-    read(&mut file, path, known_size(&metadata), limit, limits)
+    read_file(&mut file, path, known_size(&metadata), limit, limits)
 }
 
 /// Whether a path on the command line is no regular file: what is read from it is gone, and no path
@@ -53,7 +55,7 @@ pub fn read_regular(
     limits: &InputLimits,
 ) -> Result<Vec<u8>> {
     let (mut file, size) = open_regular(path, root, limit, limits)?;
-    read(&mut file, path, size, limit, limits)
+    read_file(&mut file, path, size, limit, limits)
 }
 
 /// The first bytes of a regular file, at most so many, and how many the file has.
@@ -142,10 +144,63 @@ fn read(
     limit: InputLimit,
     limits: &InputLimits,
 ) -> Result<Vec<u8>> {
+    let bytes = Vec::with_capacity(usize::try_from(size.min(limits.get(limit))).unwrap_or(0));
+    read_rest(from, path, bytes, limit, limits)
+}
+
+/// As [`read`], of a file that reports its size: a large one is read by all threads.
+fn read_file(
+    file: &mut File,
+    path: &Path,
+    size: u64,
+    limit: InputLimit,
+    limits: &InputLimits,
+) -> Result<Vec<u8>> {
+    /// Bytes that a thread reads at once.
+    const PART: usize = 1 << 22;
+    match usize::try_from(size) {
+        Ok(known) if cfg!(unix) && known > PART && size <= limits.get(limit) => {
+            let mut bytes = vec![0; known];
+            let is_read = AtomicBool::new(true);
+            threads::fill(&mut bytes, PART, &|begin, part| {
+                if read_at(file, part, begin as u64).is_err() {
+                    is_read.store(false, Relaxed);
+                }
+            });
+            if is_read.into_inner() && file.seek(SeekFrom::Start(size)).is_ok() {
+                return read_rest(file, path, bytes, limit, limits);
+            }
+            // It may have become shorter.
+            file.rewind().map_err(|error| Error::io(path, error))?;
+            read(file, path, size, limit, limits)
+        }
+        _ => read(file, path, size, limit, limits),
+    }
+}
+
+/// Reads a part of a file without moving its cursor.
+#[cfg(unix)]
+fn read_at(file: &File, part: &mut [u8], begin: u64) -> std::io::Result<()> {
+    std::os::unix::fs::FileExt::read_exact_at(file, part, begin)
+}
+
+/// Elsewhere files are read from their beginning to their end.
+#[cfg(not(unix))]
+fn read_at(_file: &File, _part: &mut [u8], _begin: u64) -> std::io::Result<()> {
+    Err(std::io::ErrorKind::Unsupported.into())
+}
+
+/// Reads what follows the bytes that are read already.
+fn read_rest(
+    from: &mut dyn Read,
+    path: &Path,
+    mut bytes: Vec<u8>,
+    limit: InputLimit,
+    limits: &InputLimits,
+) -> Result<Vec<u8>> {
     let most = limits.get(limit);
-    let mut bytes = Vec::with_capacity(usize::try_from(size.min(most)).unwrap_or(0));
     // Not the reported size alone: a file may grow, and a pipe reports none.
-    let mut from = from.take(most.saturating_add(1));
+    let mut from = from.take(most.saturating_add(1).saturating_sub(bytes.len() as u64));
     from.read_to_end(&mut bytes).map_err(|error| Error::io(path, error))?;
     if bytes.len() as u64 > most {
         let error = limits.exceeded(limit, None, ErrorKind::InvalidArgument);
@@ -231,6 +286,34 @@ mod tests {
             assert!(read(folder.path(), &limits(9)).is_err());
             assert!(read(&folder.path().join("b"), &limits(9)).unwrap_err().message().contains("/b: "));
         }
+    }
+
+    #[test]
+    fn a_large_file_is_read_in_parts() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a");
+        let bytes: Vec<u8> = (0..(9 << 20) + 5_u32).map(|at| (at >> 7) as u8).collect();
+        std::fs::write(&path, &bytes).unwrap();
+        let size = bytes.len() as u64;
+        for threads in [1, 3] {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            let read = |most| {
+                let limits = InputLimits::default().with(InputLimit::FileBytes, most);
+                pool.install(|| read_argument(&path, InputLimit::FileBytes, &limits))
+            };
+            assert!(read(size).unwrap() == bytes);
+            assert!(read(size - 1).is_err());
+        }
+        // A file that is longer or shorter than it was.
+        let limits = InputLimits::default().with(InputLimit::FileBytes, size);
+        for known in [size - 1, size] {
+            let mut file = File::open(&path).unwrap();
+            assert!(read_file(&mut file, &path, known, InputLimit::FileBytes, &limits).unwrap() == bytes);
+        }
+        std::fs::write(&path, &bytes[..5 << 20]).unwrap();
+        let mut file = File::open(&path).unwrap();
+        let read = read_file(&mut file, &path, size, InputLimit::FileBytes, &limits).unwrap();
+        assert!(read == bytes[..5 << 20]);
     }
 
     #[cfg(unix)]

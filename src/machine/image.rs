@@ -9,7 +9,7 @@ use smallvec::SmallVec;
 use crate::error::{Error, ErrorKind, Result};
 use crate::machine::format::Format;
 use crate::machine::image_words::{ImageWords, texel};
-use crate::machine::lazy_words::{LazyWords, ReadTexels, words_of};
+use crate::machine::lazy_words::{LazyWords, ReadTexels};
 use crate::math::array;
 
 #[doc(hidden)]
@@ -237,7 +237,7 @@ impl Image {
             let message = format!("found {} bytes for an image of {size}", bytes.len());
             return Err(Error::new(ErrorKind::InvalidImage, message));
         }
-        Self::from_words(format, shape, whole(&shape), || words_of(bytes).map(LazyWords::from))
+        Self::from_words(format, shape, whole(&shape), || ImageWords::of_bytes(bytes).map(LazyWords::from))
     }
 
     /// An image whose texels are read when something first needs them; see [`Image::failure`].

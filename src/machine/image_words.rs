@@ -7,6 +7,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64};
 
 use bytemuck::allocation::try_zeroed_slice_box;
 
+use crate::input::threads;
 use crate::machine::format::Format;
 
 /// The words of a block: a page of memory, and a whole number of texels of every size.
@@ -38,6 +39,21 @@ impl ImageWords {
         memory.try_reserve_exact(words.len()).ok()?;
         memory.extend(words.map(AtomicU64::new));
         Self::of(memory.into_boxed_slice(), None)
+    }
+
+    /// The words of these bytes; `None` where there is no memory for them.
+    pub(super) fn of_bytes(bytes: &[u8]) -> Option<Self> {
+        /// Words that a thread makes at once.
+        const PART: usize = 1 << 17;
+        let mut memory: Box<[AtomicU64]> = try_zeroed_slice_box(bytes.len().div_ceil(8)).ok()?;
+        threads::fill(&mut memory, PART, &|begin, part| {
+            for (to, chunk) in part.iter_mut().zip(bytes[8 * begin..].chunks(8)) {
+                let mut word = [0; 8];
+                word[..chunk.len()].copy_from_slice(chunk);
+                *to.get_mut() = u64::from_le_bytes(word);
+            }
+        });
+        Self::of(memory, None)
     }
 
     /// A number of words that are a pattern's in turn; `None` where there is no memory for them.

@@ -39,17 +39,9 @@ impl Source {
         if bytes.len() as u64 != self.size {
             return Err(invalid(format!("found {} bytes for an image of {}", bytes.len(), self.size)));
         }
-        words_of(&bytes).ok_or_else(|| invalid(format!("not enough memory for {} bytes", self.size)))
+        ImageWords::of_bytes(&bytes)
+            .ok_or_else(|| invalid(format!("not enough memory for {} bytes", self.size)))
     }
-}
-
-/// The words of these bytes; `None` where there is no memory for them.
-pub(super) fn words_of(bytes: &[u8]) -> Option<ImageWords> {
-    ImageWords::new(bytes.chunks(8).map(|chunk| {
-        let mut word = [0; 8];
-        word[..chunk.len()].copy_from_slice(chunk);
-        u64::from_le_bytes(word)
-    }))
 }
 
 impl From<ImageWords> for LazyWords {

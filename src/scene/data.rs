@@ -212,6 +212,10 @@ impl DataPieces {
             };
             let all = content.len() as u64 * u64::from(piece.repeat);
             let size = grown(bytes, all, files).map_err(|error| error.at(span.place()))?;
+            if bytes.is_empty() && piece.repeat == 1 {
+                *bytes = content;
+                continue;
+            }
             bytes.reserve_exact(size - bytes.len());
             for _ in 0..piece.repeat {
                 bytes.extend_from_slice(&content);

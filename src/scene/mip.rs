@@ -9,10 +9,11 @@
 //! Where every level halves the one before and sums are exact, whatever their order, a level's sums
 //! are those of the level before in pairs: level 0 is read once, not once for each level.
 
+use crate::input::threads;
 use crate::machine::format::{Class, Component, Format};
 use crate::machine::image::ImageShape;
 use crate::math::array;
-use crate::scene::image::{texel_bytes, texel_numbers};
+use crate::scene::image::texel_numbers;
 
 /// Checks that levels of a format can be generated.
 ///
@@ -34,25 +35,40 @@ pub fn generate(format: Format, shape: &ImageShape, level0: &[u8]) -> Result<Vec
     let decoder = TexelDecoder::new(format);
     let halves = shape.extent.iter().all(|side| side.is_power_of_two());
     let exact_texels = if halves { decoder.exact_texels() } else { 0 };
-    let mut texels = Vec::new();
+    let size = decoder.size;
+    let of_level = |level: u32| shape.level_texels(level) as usize * size;
+    let mut texels = vec![0; (1..shape.levels).map(of_level).sum()];
+    let mut rest = &mut texels[..];
     let mut sums: Vec<[f64; 4]> = Vec::new();
     for level in 1..shape.levels {
+        let own;
+        (own, rest) = rest.split_at_mut(of_level(level));
         let [from, extent] = [level - 1, level].map(|level| shape.level_extent(level));
         let covered: u64 = (0..3).map(|axis| u64::from(shape.extent[axis] / extent[axis].max(1))).product();
         if covered > exact_texels {
-            means_by_area(&decoder, shape, level, level0, &mut texels);
+            means_by_area(&decoder, shape, level, level0, own);
             continue;
         }
-        let texel = |at: usize| &level0[at * decoder.size..(at + 1) * decoder.size];
+        let texel = |at: usize| &level0[at * size..(at + 1) * size];
         sums = match level {
             1 => sums_of_pairs(shape.layers, from, extent, |at| decoder.numbers(texel(at))),
             _ => sums_of_pairs(shape.layers, from, extent, |at| sums[at]),
         };
-        for sum in &sums {
-            texels.extend(texel_bytes(format, sum.map(|part| part / covered as f64)));
-        }
+        threads::fill(own, PART * size, &|begin, part| {
+            for (texel, sum) in part.chunks_exact_mut(size).zip(&sums[begin / size..]) {
+                write_texel(format, sum.map(|part| part / covered as f64), texel);
+            }
+        });
     }
     Ok(texels)
+}
+
+/// The texels that a thread reads at once, about.
+const PART: usize = 1 << 16;
+
+/// As [`texel_bytes`](crate::scene::image::texel_bytes).
+fn write_texel(format: Format, color: [f64; 4], bytes: &mut [u8]) {
+    bytes.copy_from_slice(&format.encode_numbers(color).to_le_bytes()[..bytes.len()]);
 }
 
 /// For each texel of a level, the sum over those that it covers of the level before, each side of
@@ -61,66 +77,69 @@ fn sums_of_pairs(
     layers: u32,
     from: [u32; 3],
     to: [u32; 3],
-    numbers: impl Fn(usize) -> [f64; 4],
+    numbers: impl Fn(usize) -> [f64; 4] + Sync,
 ) -> Vec<[f64; 4]> {
     let [from, to] = [from, to].map(|extent| extent.map(|side| side as usize));
     let [step_x, step_y, step_z]: [usize; 3] = array::from_fn(|axis| from[axis] / to[axis]);
     let mut sums = vec![[0.0; 4]; layers as usize * to[0] * to[1] * to[2]];
-    let mut texel = 0;
-    for layer in 0..layers as usize {
-        for (z, y) in (0..from[2]).flat_map(|z| (0..from[1]).map(move |y| (z, y))) {
-            let row = ((layer * to[2] + z / step_z) * to[1] + y / step_y) * to[0];
-            for x in 0..from[0] {
-                let (sum, more): (&mut [f64; 4], _) = (&mut sums[row + x / step_x], numbers(texel));
-                *sum = array::from_fn(|part| sum[part] + more[part]);
-                texel += 1;
+    threads::fill(&mut sums, rows_of_part(from[0] * step_y * step_z) * to[0], &|begin, part| {
+        for (row, sums) in (begin / to[0]..).zip(part.chunks_exact_mut(to[0])) {
+            let (layer, z, y) = (row / to[1] / to[2], row / to[1] % to[2], row % to[1]);
+            for (k, j) in (0..step_z).flat_map(|k| (0..step_y).map(move |j| (k, j))) {
+                let (z, y) = (z * step_z + k, y * step_y + j);
+                let first = ((layer * from[2] + z) * from[1] + y) * from[0];
+                for x in 0..from[0] {
+                    let (sum, more): (&mut [f64; 4], _) = (&mut sums[x / step_x], numbers(first + x));
+                    *sum = array::from_fn(|part| sum[part] + more[part]);
+                }
             }
         }
-    }
+    });
     sums
 }
 
-/// Appends the texels of a level, each from the part of level 0 that it covers.
-fn means_by_area(
-    decoder: &TexelDecoder,
-    shape: &ImageShape,
-    level: u32,
-    level0: &[u8],
-    texels: &mut Vec<u8>,
-) {
+/// How many rows a thread makes at once, each of which reads so many texels.
+fn rows_of_part(row_texels: usize) -> usize {
+    (PART / row_texels.max(1)).max(1)
+}
+
+/// Makes the texels of a level, each from the part of level 0 that it covers.
+fn means_by_area(decoder: &TexelDecoder, shape: &ImageShape, level: u32, level0: &[u8], texels: &mut [u8]) {
     let [width, height, depth] = shape.extent.map(|side| side as usize);
     let area: f64 = shape.extent.iter().map(|&side| f64::from(side)).product();
     let row_bytes = width * decoder.size;
-    // Level 0 in numbers would take 32 bytes a texel: only one row of it is held.
-    let mut row = Vec::with_capacity(width);
-    let mut sums = Vec::new();
     let extent = shape.level_extent(level);
-    for layer in 0..shape.layers as usize {
-        for z in 0..extent[2] {
-            for y in 0..extent[1] {
-                sums.clear();
-                sums.resize(extent[0] as usize, [0.0; 4]);
-                for (k, weight_z) in covered(z, extent[2], shape.extent[2]) {
-                    for (j, weight_y) in covered(y, extent[1], shape.extent[1]) {
-                        let begin = ((layer * depth + k) * height + j) * row_bytes;
-                        let bytes = level0[begin..begin + row_bytes].chunks_exact(decoder.size);
-                        row.clear();
-                        row.extend(bytes.map(|texel| decoder.numbers(texel)));
-                        for (x, sum) in (0..).zip(&mut sums) {
-                            for (i, weight_x) in covered(x, extent[0], shape.extent[0]) {
-                                let weight = weight_x * weight_y * weight_z;
-                                let texel: [f64; 4] = row[i];
-                                *sum = array::from_fn(|part| sum[part] + weight * texel[part]);
-                            }
+    let [columns, rows, slices] = extent.map(|side| side as usize);
+    let of_row = columns * decoder.size;
+    let part = rows_of_part(width * height.div_ceil(rows) * depth.div_ceil(slices));
+    threads::fill(texels, part * of_row, &|begin, part| {
+        // Level 0 in numbers would take 32 bytes a texel: only one row of it is held.
+        let mut row = Vec::with_capacity(width);
+        let mut sums = Vec::new();
+        for (at, texels) in (begin / of_row..).zip(part.chunks_exact_mut(of_row)) {
+            let (layer, z, y) = (at / rows / slices, (at / rows % slices) as u32, (at % rows) as u32);
+            sums.clear();
+            sums.resize(columns, [0.0; 4]);
+            for (k, weight_z) in covered(z, extent[2], shape.extent[2]) {
+                for (j, weight_y) in covered(y, extent[1], shape.extent[1]) {
+                    let begin = ((layer * depth + k) * height + j) * row_bytes;
+                    let bytes = level0[begin..begin + row_bytes].chunks_exact(decoder.size);
+                    row.clear();
+                    row.extend(bytes.map(|texel| decoder.numbers(texel)));
+                    for (x, sum) in (0..).zip(&mut sums) {
+                        for (i, weight_x) in covered(x, extent[0], shape.extent[0]) {
+                            let weight = weight_x * weight_y * weight_z;
+                            let texel: [f64; 4] = row[i];
+                            *sum = array::from_fn(|part| sum[part] + weight * texel[part]);
                         }
                     }
                 }
-                for sum in &sums {
-                    texels.extend(texel_bytes(decoder.format, sum.map(|part| part / area)));
-                }
+            }
+            for (texel, sum) in texels.chunks_exact_mut(decoder.size).zip(&sums) {
+                write_texel(decoder.format, sum.map(|part| part / area), texel);
             }
         }
-    }
+    });
 }
 
 /// Decodes texels, each some ten times.
@@ -179,6 +198,7 @@ fn covered(at: u32, to: u32, from: u32) -> impl Iterator<Item = (usize, f64)> {
 mod tests {
     use super::*;
     use crate::machine::image::Dimension;
+    use crate::math::random::Random;
 
     fn line(texels: &[f32], levels: u32) -> Vec<f32> {
         let extent = [texels.len() as u32, 1, 1];
@@ -254,9 +274,36 @@ mod tests {
                 .collect();
             let mut expected = Vec::new();
             for level in 1..shape.levels {
-                means_by_area(&TexelDecoder::new(format), shape, level, &level0, &mut expected);
+                let begin = expected.len();
+                expected.resize(begin + shape.level_texels(level) as usize * format.texel_size() as usize, 0);
+                means_by_area(&TexelDecoder::new(format), shape, level, &level0, &mut expected[begin..]);
             }
             assert_eq!(generate(format, shape, &level0), Ok(expected), "{shape:?} {format:?}");
+        }
+    }
+
+    #[test]
+    fn levels_do_not_depend_on_the_number_of_threads() {
+        let float = Format::new(Component::Float32, 4);
+        let shapes = [
+            (ImageShape { levels: 10, ..ImageShape::plane(512, 1024) }, Format::RGBA8_SRGB),
+            (ImageShape { levels: 9, ..ImageShape::plane(601, 333) }, float),
+            (ImageShape { dimension: Dimension::D2Array, layers: 3, ..ImageShape::plane(300, 257) }, float),
+        ];
+        for (shape, format) in shapes {
+            let shape = ImageShape { levels: shape.levels.max(4), ..shape };
+            let texels = shape.level_texels(0) as usize * format.texel_size() as usize / 4;
+            let mut random = Random::new(3);
+            let level0: Vec<u8> = (0..texels).flat_map(|_| (random.unit() + 1e-3).to_le_bytes()).collect();
+            let on_threads = |count: usize| {
+                let pool = rayon::ThreadPoolBuilder::new().num_threads(count).build().unwrap();
+                pool.install(|| generate(format, &shape, &level0)).unwrap()
+            };
+            let one = on_threads(1);
+            assert!(one.iter().any(|&byte| byte != 0));
+            for threads in [2, 3] {
+                assert!(on_threads(threads) == one, "{shape:?}: {threads} threads");
+            }
         }
     }
 

@@ -93,19 +93,24 @@ impl TomlMember {
 pub(super) struct TreeBuilder {
     keys: FxHashSet<Arc<str>>,
     /// Where the piece begins in the document.
-    pub base: usize,
+    base: usize,
 }
 
 impl TreeBuilder {
+    /// A builder of a piece that begins at this place of its document.
+    pub(super) fn of_piece(base: usize) -> Self {
+        Self { base, ..Self::default() }
+    }
+
     /// The tree of a document or of a piece of it.
     pub(super) fn tree(&mut self, root: &Spanned<DeTable<'_>>) -> TomlNode {
         // The root has no range.
         let Toml::Table(members) = self.table(root.get_ref()) else { unreachable!("a table is one") };
-        self.root(members)
+        Self::root(members)
     }
 
     /// A root table.
-    pub(super) fn root(&self, members: Vec<TomlMember>) -> TomlNode {
+    pub(super) fn root(members: Vec<TomlMember>) -> TomlNode {
         TomlNode { range: TextRange { start: 0, end: 0 }, value: Toml::Table(members) }
     }
 

@@ -60,8 +60,9 @@ impl BuiltBlas {
     pub(crate) fn without_bvh(geometries: &[Geometry]) -> Self {
         let numbers = PrimitiveNumbers::new(geometries);
         let (order, bounds) = active_primitives(geometries, &numbers);
+        let blocks = |threads| PrimitiveBlocks::of(geometries, &numbers, &order, threads);
         Self {
-            blocks: PrimitiveBlocks::of(geometries, &numbers, &order, BuildThreads::One),
+            blocks: BuildThreads::build(order.len(), blocks),
             order,
             numbers,
             has_split_primitives: false,

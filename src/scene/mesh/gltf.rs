@@ -7,10 +7,10 @@ use std::sync::Arc;
 use gltf::accessor::{DataType, Dimensions, Item, Iter};
 use gltf::mesh::Mode;
 use gltf::mesh::util::ReadIndices;
-use gltf::{Accessor, Document, Gltf, Node, Primitive, Semantic};
+use gltf::{Accessor, Document, Glb, Gltf, Node, Primitive, Semantic};
 
 use crate::error::{Error, ErrorKind, Place, Result};
-use crate::input::{InputLimit, InputLimits, contained};
+use crate::input::{InputLimit, InputLimits, contained, threads};
 use crate::machine::sampler::{AddressMode, Filter, Sampler};
 use crate::scene::files::Files;
 use crate::scene::mesh::Mesh;
@@ -22,6 +22,10 @@ use crate::scene::mesh::uri::{base64, percent_decoded};
 
 /// How deep nodes may be nested.
 const MAX_DEPTH: usize = 256;
+
+/// Bytes of the header of a binary file, and of one of its chunks (glTF 2.0, 4.4).
+const GLB_HEADER: usize = 12;
+const GLB_CHUNK_HEADER: usize = 8;
 
 /// An open file.
 #[derive(Debug)]
@@ -37,10 +41,9 @@ impl GltfFile {
     /// # Errors
     /// `InvalidMesh` for a broken file, or one beyond a limit; `UnsupportedFile` for points and
     /// lines.
-    pub(super) fn open(path: &Path, bytes: &[u8], files: &dyn Files) -> Result<(Listed, Self)> {
+    pub(super) fn open(path: &Path, bytes: Vec<u8>, files: &dyn Files) -> Result<(Listed, Self)> {
         let open = contained("gltf", ErrorKind::InvalidMesh, || {
-            let mut gltf = parse(bytes, &files.limits())?;
-            let blob = gltf.blob.take();
+            let (gltf, blob) = parse(bytes, &files.limits())?;
             let buffers = buffers(path, &gltf, blob, files)?;
             let file = Self { document: gltf.document, buffers, limits: files.limits() };
             let listed = file.list(path)?;
@@ -134,11 +137,28 @@ impl GltfFile {
         let mode = primitive.mode();
         let buffers = &self.buffers;
         let reader = primitive.reader(|buffer| buffers.get(buffer.index()).map(|bytes| bytes.as_slice()));
-        let read = reader.read_positions().ok_or_else(|| invalid("the positions cannot be read"))?;
-        let count = primitive.get(&Semantic::Positions).map_or(0, |positions| positions.count());
-        let mut vertices = Vec::with_capacity(count);
-        vertices.extend(read.take(count));
+        let positions = primitive.get(&Semantic::Positions);
+        let count = positions.as_ref().map_or(0, Accessor::count);
+        let mut vertices;
+        if let Some(elements) = positions.and_then(|positions| self.plain(&positions)) {
+            vertices = vec![[0.0; 3]; count];
+            elements.fill(&mut vertices, 1, &|bytes, vertex| {
+                let (components, _) = bytes.as_chunks::<4>();
+                for (to, bytes) in vertex[0].iter_mut().zip(components) {
+                    *to = f32::from_le_bytes(*bytes);
+                }
+            });
+        } else {
+            let read = reader.read_positions().ok_or_else(|| invalid("the positions cannot be read"))?;
+            vertices = Vec::with_capacity(count);
+            vertices.extend(read.take(count));
+        }
         let given = vertices.len();
+        if let (Mode::Triangles, Some(accessor)) = (mode, primitive.indices())
+            && let Some(elements) = self.plain(&accessor)
+        {
+            return Ok(Mesh { vertices, indices: elements.triangles(accessor.count(), given)? });
+        }
         let mut indices = Vec::with_capacity(3 * triangle_count(primitive));
         let mut cut = Cut { mode, given, seen: 0, held: [0; 2], out: &mut indices };
         match reader.read_indices() {
@@ -149,6 +169,17 @@ impl GltfFile {
             None => cut.all(&mut (0..given as u32)),
         }?;
         Ok(Mesh { vertices, indices })
+    }
+
+    /// The elements of an accessor that has no sparse values.
+    fn plain(&self, accessor: &Accessor<'_>) -> Option<PlainElements<'_>> {
+        let view = accessor.view().filter(|_| accessor.sparse().is_none())?;
+        let size = accessor.size();
+        let stride = view.stride().unwrap_or(size);
+        let begin = view.offset().checked_add(accessor.offset())?;
+        let last = accessor.count().checked_sub(1)?.checked_mul(stride)?.checked_add(begin)?;
+        let bytes = self.buffers.get(view.buffer().index())?.get(begin..last.checked_add(size)?)?;
+        Some(PlainElements { bytes, stride, size })
     }
 
     /// The elements of an accessor as floats, integers as they are or, where the accessor says so,
@@ -172,12 +203,21 @@ impl GltfFile {
         }
     }
 
-    fn elements<T: Item + Copy>(
+    fn elements<T: Item + Copy + FromLittleEndian>(
         &self,
         accessor: &Accessor<'_>,
-        number: &dyn Fn(T) -> f32,
+        number: &(dyn Fn(T) -> f32 + Sync),
     ) -> Result<Numbers> {
         let components = accessor.dimensions().multiplicity();
+        if let Some(elements) = self.plain(accessor) {
+            let mut values = vec![0.0; components * accessor.count()];
+            elements.fill(&mut values, components, &|bytes, element| {
+                for (to, bytes) in element.iter_mut().zip(bytes.chunks_exact(size_of::<T>())) {
+                    *to = number(T::from_little_endian(bytes));
+                }
+            });
+            return Ok(Numbers { components, values });
+        }
         let mut values = Vec::with_capacity(components * accessor.count());
         match components {
             1 => values.extend(self.items::<T>(accessor)?.map(number)),
@@ -296,10 +336,85 @@ impl GltfFile {
     }
 }
 
+/// The elements of an accessor as they lie in a buffer, all of them within it.
+struct PlainElements<'a> {
+    /// From the first one on.
+    bytes: &'a [u8],
+    /// Bytes from one to the next.
+    stride: usize,
+    /// Bytes of one.
+    size: usize,
+}
+
+impl PlainElements<'_> {
+    /// Fills a list, which has so many entries for each element, by a function that is given the
+    /// bytes of an element and its entries.
+    fn fill<T: Send>(&self, list: &mut [T], entries: usize, read: &(impl Fn(&[u8], &mut [T]) + Sync)) {
+        /// Elements that a thread decodes at once.
+        const PART: usize = 1 << 16;
+        threads::fill(list, PART * entries, &|first, part| {
+            for (element, at) in part.chunks_exact_mut(entries).zip(first / entries..) {
+                read(&self.bytes[at * self.stride..][..self.size], element);
+            }
+        });
+    }
+
+    /// The indices of whole triangles among these, each below `given`.
+    fn triangles(&self, count: usize, given: usize) -> Result<Vec<u32>> {
+        let mut indices = vec![0; count];
+        self.fill(&mut indices, 1, &|bytes, index| {
+            let mut word = [0; 4];
+            word[..bytes.len()].copy_from_slice(bytes);
+            index[0] = u32::from_le_bytes(word);
+        });
+        let greatest = indices.iter().fold(0, |greatest, &index| index.max(greatest));
+        if greatest as usize >= given
+            && let Some(&index) = indices.iter().find(|&&index| index as usize >= given)
+        {
+            return Err(out_of_range(index, given));
+        }
+        indices.truncate(count / 3 * 3);
+        Ok(indices)
+    }
+}
+
+/// An integer of some bytes, the lowest one first.
+trait FromLittleEndian {
+    /// The integer of as many bytes as it has.
+    fn from_little_endian(bytes: &[u8]) -> Self;
+}
+
+macro_rules! from_little_endian {
+    ($($integer:ty),*) => {
+        $(impl FromLittleEndian for $integer {
+            fn from_little_endian(bytes: &[u8]) -> Self {
+                bytes.try_into().map_or(0, Self::from_le_bytes)
+            }
+        })*
+    };
+}
+
+from_little_endian!(u8, u16, u32);
+
 /// The JSON of a file and its binary chunk.
-fn parse(bytes: &[u8], limits: &InputLimits) -> Result<Gltf> {
-    limits.check(InputLimit::MeshValues, json_values(json(bytes)?), ErrorKind::InvalidMesh)?;
-    Gltf::from_slice(bytes).map_err(|error| invalid(format!("not glTF: {error}")))
+fn parse(mut bytes: Vec<u8>, limits: &InputLimits) -> Result<(Gltf, Option<Vec<u8>>)> {
+    limits.check(InputLimit::MeshValues, json_values(json(&bytes)?), ErrorKind::InvalidMesh)?;
+    let not_gltf = |error| invalid(format!("not glTF: {error}"));
+    if !bytes.starts_with(b"glTF") {
+        return Ok((Gltf::from_slice(&bytes).map_err(not_gltf)?, None));
+    }
+    let container = Glb::from_slice(&bytes).map_err(not_gltf)?;
+    let gltf = Gltf::from_slice(&container.json).map_err(not_gltf)?;
+    let length = container.bin.as_ref().map(|chunk| chunk.len());
+    // The chunk lies behind the header, the JSON and its own header.
+    let begin = GLB_HEADER + 2 * GLB_CHUNK_HEADER + container.json.len();
+    drop(container);
+    let chunk = length.map(|length| {
+        bytes.truncate(begin + length);
+        bytes.drain(..begin);
+        bytes
+    });
+    Ok((gltf, chunk))
 }
 
 fn invalid(message: impl Into<String>) -> Error {
@@ -309,8 +424,6 @@ fn invalid(message: impl Into<String>) -> Error {
 /// The JSON of a file: all of it, or the first chunk of a binary one, whose lengths the crate
 /// subtracts without looking (glTF 2.0, 4.4).
 fn json(bytes: &[u8]) -> Result<&[u8]> {
-    const HEADER: usize = 12;
-    const CHUNK_HEADER: usize = 8;
     if !bytes.starts_with(b"glTF") {
         return Ok(bytes);
     }
@@ -318,10 +431,10 @@ fn json(bytes: &[u8]) -> Result<&[u8]> {
         let word = bytes.get(at..at + 4).and_then(|word| word.try_into().ok());
         word.map(|word| u32::from_le_bytes(word) as usize)
     };
-    let (Some(length), Some(chunk)) = (word(8), word(HEADER)) else {
+    let (Some(length), Some(chunk)) = (word(8), word(GLB_HEADER)) else {
         return Err(invalid("not glTF: the file ends within its header"));
     };
-    let start = HEADER + CHUNK_HEADER;
+    let start = GLB_HEADER + GLB_CHUNK_HEADER;
     if length < start || length > bytes.len() {
         return Err(invalid(format!(
             "not glTF: the header specifies {length} bytes, but the file has {}",
@@ -610,14 +723,15 @@ struct Cut<'a> {
     out: &'a mut Vec<u32>,
 }
 
+fn out_of_range(index: u32, vertices: usize) -> Error {
+    invalid(format!("index {index} is out of range: there are {vertices} vertices"))
+}
+
 impl Cut<'_> {
     fn all(&mut self, corners: &mut dyn Iterator<Item = u32>) -> Result<()> {
         for corner in corners {
             if corner as usize >= self.given {
-                return Err(invalid(format!(
-                    "index {corner} is out of range: there are {} vertices",
-                    self.given
-                )));
+                return Err(out_of_range(corner, self.given));
             }
             self.push(corner);
         }

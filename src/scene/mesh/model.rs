@@ -100,7 +100,7 @@ impl Model {
     pub fn open(format: MeshFormat, path: &Path, bytes: Vec<u8>, files: &dyn Files) -> Result<Self> {
         let (listed, source) = match format {
             MeshFormat::Gltf => {
-                let (listed, file) = GltfFile::open(path, &bytes, files)?;
+                let (listed, file) = GltfFile::open(path, bytes, files)?;
                 (listed, Source::Gltf(Box::new(file)))
             }
             MeshFormat::Obj => {

@@ -13,7 +13,7 @@ use tobj::{LoadError, LoadOptions, Mesh as ObjMesh, Model as ObjModel};
 
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::escape;
-use crate::input::{InputLimit, InputLimits, contained};
+use crate::input::{InputLimit, InputLimits, contained, threads};
 use crate::machine::sampler::Sampler;
 use crate::scene::files::Files;
 use crate::scene::mesh::Mesh;
@@ -66,13 +66,33 @@ fn invalid(message: impl Into<String>) -> Error {
     Error::new(ErrorKind::InvalidMesh, message)
 }
 
+/// The bytes of a part, about, that a thread reads at once.
+const PART: usize = 1 << 18;
+
+/// A text in parts of whole lines, each of so many bytes at least but for the last one.
+fn parts(mut bytes: &[u8], least: usize) -> Vec<&[u8]> {
+    let mut parts = Vec::new();
+    while let Some(behind) = bytes.get(least.saturating_sub(1)..)
+        && let Some(end) = memchr::memchr(b'\n', behind)
+    {
+        let (part, rest) = bytes.split_at(least.saturating_sub(1) + end + 1);
+        parts.push(part);
+        bytes = rest;
+    }
+    parts.push(bytes);
+    parts
+}
+
 fn decode(path: &Path, bytes: &[u8], files: &dyn Files) -> Result<(Listed, ObjFile)> {
-    let contents = Contents::of(bytes);
+    let parts = parts(bytes, PART);
+    let of_parts = threads::map(parts.len(), &|at| Contents::of(parts[at]));
+    let parts: Vec<_> = parts.into_iter().zip(of_parts.iter().map(Contents::counts)).collect();
+    let contents = Contents::joined(of_parts);
     contents.check(&files.limits())?;
     // Groups are those of the names that the file uses; what an .mtl file says of them comes later,
     // and a missing one does not stop the mesh.
     let Contents { used, libraries, .. } = contents;
-    let models = match groups::read(bytes, &used) {
+    let models = match groups::read(&parts, &used) {
         Some(models) => models,
         None => read_with_tobj(path, bytes, &used)?,
     };
@@ -144,6 +164,8 @@ fn listed(mesh: &tobj::Mesh) -> ListedPart {
 #[derive(Default)]
 struct Contents {
     vertices: u64,
+    texcoords: usize,
+    normals: usize,
     /// The triangles of its polygons.
     triangles: u64,
     /// Its objects and groups, of each of which half a kilobyte is kept.
@@ -156,31 +178,52 @@ struct Contents {
 
 impl Contents {
     fn of(bytes: &[u8]) -> Self {
-        let (mut found, mut known) = (Self::default(), HashSet::new());
+        let mut found = Self::default();
         for line in groups::lines(bytes) {
             let mut words = groups::Words(line);
             let word = words.next().unwrap_or_default();
             match word {
                 b"v" => found.vertices += 1,
+                b"vt" => found.texcoords += 1,
+                b"vn" => found.normals += 1,
                 b"f" => found.triangles += (words.count() as u64).saturating_sub(2),
                 b"o" | b"g" => found.objects += 1,
                 b"usemtl" | b"mtllib" => {
                     found.objects += 1;
                     let Ok(name) = std::str::from_utf8(words.0.trim_ascii()) else { continue };
-                    if name.is_empty() {
-                        continue;
-                    }
-                    if word == b"usemtl" && known.insert(name.to_string()) {
-                        found.used.push(name.to_string());
-                    }
-                    if word == b"mtllib" && !found.libraries.iter().any(|known| known == name) {
-                        found.libraries.push(name.to_string());
+                    let names = if word == b"usemtl" { &mut found.used } else { &mut found.libraries };
+                    if !name.is_empty() && names.last().is_none_or(|last| last != name) {
+                        names.push(name.to_string());
                     }
                 }
                 _ => {}
             }
         }
         found
+    }
+
+    /// The numbers of positions, texture coordinates and normals.
+    fn counts(&self) -> [usize; 3] {
+        [self.vertices as usize, self.texcoords, self.normals]
+    }
+
+    /// The contents of all parts of a file, with each name once.
+    fn joined(parts: Vec<Self>) -> Self {
+        let mut all = Self::default();
+        let mut known = [HashSet::new(), HashSet::new()];
+        for part in parts {
+            all.vertices += part.vertices;
+            all.texcoords += part.texcoords;
+            all.normals += part.normals;
+            all.triangles += part.triangles;
+            all.objects += part.objects;
+            for ((names, own), known) in
+                [(&mut all.used, part.used), (&mut all.libraries, part.libraries)].into_iter().zip(&mut known)
+            {
+                names.extend(own.into_iter().filter(|name| known.insert(name.clone())));
+            }
+        }
+        all
     }
 
     fn check(&self, limits: &InputLimits) -> Result<()> {

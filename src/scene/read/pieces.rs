@@ -2,16 +2,19 @@
 //!
 //! While the `toml` crate parses a text, it keeps each token and event, and tables that take a
 //! kilobyte each: 15 times the text. Scenes list hundreds of thousands of geometries and instances.
-//! Such a text is cut before some of the headers `[[instance]]` and `[geometry.NAME]`, its pieces
-//! are parsed one after another, and their trees are joined.
+//! Such a text is cut before some of the headers `[[instance]]` and `[geometry.NAME]`, all threads
+//! parse a few of its pieces at a time, and their trees are joined in order.
 //!
 //! If all pieces are TOML, no cut is within a string, an array or a table: the piece before it
 //! would not end properly. The joined tree is then that of the whole text, unless a name is defined
 //! in several pieces in another way than by these headers. Such texts, and those with mistakes, are
 //! parsed as a whole.
 
+use std::ops::Range;
 use std::sync::Arc;
 
+use crate::error::ErrorKind;
+use crate::input::{contained, threads};
 use crate::scene::read::parse_table;
 use crate::scene::tree::{Toml, TomlMember, TomlNode, TreeBuilder};
 use rustc_hash::FxHashSet;
@@ -29,11 +32,11 @@ pub(super) fn tree(text: &str, take: Option<&mut Take<'_>>) -> Option<TomlNode> 
 }
 
 fn tree_of(text: &str, least: usize, mut take: Option<&mut Take<'_>>) -> Option<TomlNode> {
-    let mut builder = TreeBuilder::default();
+    let pieces = cut(text, least)?;
     let mut names: FxHashSet<Arc<str>> = FxHashSet::default();
     let mut members = Vec::new();
-    for piece in cut(text, least)? {
-        let Toml::Table(more) = parse(&mut builder, text, piece)?.value else { return None };
+    let mut add = |piece: TomlNode| {
+        let Toml::Table(more) = piece.value else { return None };
         for mut member in more {
             if let ("geometry", Toml::Table(geometries)) = (&*member.key, &member.node.value)
                 && !geometries.iter().all(|geometry| names.insert(geometry.key.clone()))
@@ -46,13 +49,19 @@ fn tree_of(text: &str, least: usize, mut take: Option<&mut Take<'_>>) -> Option<
                 take(taken);
             }
         }
-    }
-    Some(builder.root(members))
+        Some(())
+    };
+    let mut is_tree = true;
+    threads::in_order(pieces.len(), &|at| parse(text, pieces[at].clone()), &mut |piece| {
+        is_tree = piece.and_then(&mut add).is_some();
+        is_tree
+    });
+    is_tree.then(|| TreeBuilder::root(members))
 }
 
 /// The ranges of the pieces, at least two. `None` also where a header may define `geometry` or
 /// `instance` in another way.
-fn cut(text: &str, least: usize) -> Option<Vec<std::ops::Range<usize>>> {
+fn cut(text: &str, least: usize) -> Option<Vec<Range<usize>>> {
     let (mut pieces, mut start, mut at) = (Vec::new(), 0, 0);
     if text.len() < 2 * least {
         return None;
@@ -76,10 +85,14 @@ fn cut(text: &str, least: usize) -> Option<Vec<std::ops::Range<usize>>> {
     (pieces.len() > 1).then_some(pieces)
 }
 
-fn parse(builder: &mut TreeBuilder, text: &str, piece: std::ops::Range<usize>) -> Option<TomlNode> {
-    builder.base = piece.start;
-    let (root, errors) = parse_table(&text[piece]);
-    errors.is_empty().then(|| builder.tree(&root))
+/// The tree of a piece; `None` where it has mistakes.
+fn parse(text: &str, piece: Range<usize>) -> Option<TomlNode> {
+    let mut builder = TreeBuilder::of_piece(piece.start);
+    let tree = || {
+        let (root, errors) = parse_table(&text[piece]);
+        Ok(errors.is_empty().then(|| builder.tree(&root)))
+    };
+    contained("toml", ErrorKind::InvalidScene, tree).ok().flatten()
 }
 
 /// Adds a member of a piece to those of the pieces before.

@@ -52,6 +52,50 @@ fn modes_are_cut_into_triangles() {
     assert_eq!(error.kind(), ErrorKind::UnsupportedFile);
 }
 
+/// Elements a stride apart, so many that several threads decode them.
+#[test]
+fn large_meshes_do_not_depend_on_the_number_of_threads() {
+    let count = 150_000_u32;
+    let vertex = |at: u32| [at as f32, -0.5, 1.0 / (at + 1) as f32];
+    let mut data: Vec<u8> = (0..count)
+        .flat_map(|at| [vertex(at).map(f32::to_le_bytes).as_flattened(), &[at as u8, 255, 0, 0]].concat())
+        .collect();
+    let split = data.len();
+    let corners = |last: u32| (0..count + 1).map(move |at| if at == count { last } else { at });
+    data.extend(corners(7).flat_map(u32::to_le_bytes));
+    let text = format!(
+        r#"{{"asset":{{"version":"2.0"}},"scene":0,"scenes":[{{"nodes":[0]}}],"nodes":[{{"mesh":0}}],
+        "meshes":[{{"primitives":[{{"attributes":{{"POSITION":0,"COLOR_0":1}},"indices":2}}]}}],
+        "buffers":[{{"uri":"my%20data.bin","byteLength":{}}}],
+        "bufferViews":[{{"buffer":0,"byteLength":{split},"byteStride":16}},
+          {{"buffer":0,"byteOffset":{split},"byteLength":{}}}],
+        "accessors":[
+          {{"bufferView":0,"componentType":5126,"count":{count},"type":"VEC3","min":[0,0,0],"max":[1,1,1]}},
+          {{"bufferView":0,"byteOffset":12,"componentType":5121,"count":{count},"type":"VEC3",
+            "normalized":true}},
+          {{"bufferView":1,"componentType":5125,"count":{},"type":"SCALAR"}}]}}"#,
+        data.len(),
+        data.len() - split,
+        count + 1
+    );
+    let wrong = [&data[..data.len() - 4], &count.to_le_bytes()].concat();
+    for threads in [1, 2, 3] {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| {
+            let model = open_text(&text, &data).unwrap();
+            let mesh = model.triangles(0).unwrap();
+            assert!(mesh.vertices.iter().copied().eq((0..count).map(vertex)));
+            // The last corner makes no whole triangle.
+            assert!(mesh.indices.iter().copied().eq(0..count));
+            let colors = model.attribute(0, "color_0").unwrap();
+            let wanted = (0..count).flat_map(|at| [f32::from(at as u8) / 255.0, 1.0, 0.0]);
+            assert!(colors.components == 3 && colors.values.into_iter().eq(wanted));
+            let error = open_text(&text, &wrong).unwrap().triangles(0).unwrap_err();
+            assert!(error.message().contains("index 150000 is out of range"), "{error}");
+        });
+    }
+}
+
 #[test]
 fn node_transforms_apply_to_the_scene_but_not_to_a_named_mesh() {
     let text = file(4, 3, r#","translation":[10,0,0],"scale":[2,3,1]"#);
@@ -146,7 +190,7 @@ fn values_of_json_are_counted_outside_of_strings() {
 fn buffers_of_one_file_share_it() {
     let buffer = r#"{"uri":"my%20data.bin","byteLength":56}"#;
     let text = file(4, 3, "").replace(buffer, &[buffer; 3].join(","));
-    let json = parse(text.as_bytes(), &InputLimits::default()).unwrap();
+    let (json, _) = parse(text.into_bytes(), &InputLimits::default()).unwrap();
     let data = bytes();
     let files = [("dir/my data.bin", data.as_slice())];
     let all = buffers(Path::new("dir/m.gltf"), &json, None, &EmbeddedFiles(&files)).unwrap();

@@ -1,13 +1,14 @@
 //! Reads the groups of a Wavefront OBJ file with triangles and polygons.
 //!
 //! These are the groups that `tobj` makes, which keeps 104 bytes of every face until its group ends
-//! and then finds the vertices that corners share in a hash map. Here corners are numbered while
-//! they are read: each position has a list of the vertices that were made of it. A file that has
-//! anything else (points, lines, weights of positions, vertices behind their faces, mistakes) is
-//! left to `tobj`, which also explains what is wrong with it.
+//! and then finds the vertices that corners share in a hash map. Here a thread numbers the corners
+//! of a part while others read the next parts: each position has a list of the vertices that were
+//! made of it. A file that has anything else (points, lines, weights of positions, vertices behind
+//! their faces, mistakes) is left to `tobj`, which also explains what is wrong with it.
 
 use std::collections::HashMap;
 
+use crate::input::threads;
 use crate::scene::mesh::obj::{ObjMesh, ObjModel};
 
 /// No texture coordinate, no normal, no vertex.
@@ -37,13 +38,47 @@ struct Vertex {
     next: u32,
 }
 
-/// What is read so far.
+/// Values of lines, in their order.
 #[derive(Default)]
-struct Reader {
+struct Values {
     positions: Vec<[f32; 3]>,
     colors: Vec<[f32; 3]>,
     texcoords: Vec<[f32; 2]>,
     normals: Vec<[f32; 3]>,
+}
+
+/// What the lines of a part of a file say.
+#[derive(Default)]
+struct Lines<'b> {
+    /// The numbers of positions, texture coordinates and normals before this part.
+    before: [usize; 3],
+    values: Values,
+    /// The corners of all faces.
+    corners: Vec<Corner>,
+    /// How many corners each face has.
+    faces: Vec<u32>,
+    changes: Vec<Change<'b>>,
+}
+
+/// A line after which other faces belong to another group.
+struct Change<'b> {
+    /// How many faces and colours of the part are before it.
+    faces: usize,
+    colors: usize,
+    to: ChangeTo<'b>,
+}
+
+enum ChangeTo<'b> {
+    /// A group of this name.
+    Name(&'b str),
+    /// A material, by its place among all.
+    Material(Option<usize>),
+}
+
+/// What is read so far.
+#[derive(Default)]
+struct Reader {
+    values: Values,
     /// For each position the first vertex of the group that was made of it.
     first_vertices: Vec<u32>,
     /// The vertices that are in no list, as theirs are long.
@@ -54,92 +89,158 @@ struct Reader {
 }
 
 /// The groups of a file, each with its material's place among `materials`; `None` where `tobj` must
-/// read it.
-pub(super) fn read(bytes: &[u8], materials: &[String]) -> Option<Vec<ObjModel>> {
-    let text = std::str::from_utf8(bytes).ok()?;
+/// read it. The file is given in parts of whole lines, each with the numbers of positions, texture
+/// coordinates and normals in it.
+pub(super) fn read(parts: &[(&[u8], [usize; 3])], materials: &[String]) -> Option<Vec<ObjModel>> {
     let places: HashMap<&str, usize> = materials.iter().map(String::as_str).zip(0..).collect();
+    let before: Vec<[usize; 3]> = parts
+        .iter()
+        .scan([0; 3], |sum, (_, counts)| {
+            let before = *sum;
+            sum.iter_mut().zip(counts).for_each(|(sum, count)| *sum += count);
+            Some(before)
+        })
+        .collect();
     let mut reader = Reader::default();
     let (mut name, mut material) = ("unnamed_object", None);
-    // Lines of one line feed after the other: a carriage return before it is white space.
-    for line in lines(text.as_bytes()) {
-        let mut words = Words(line);
-        // Words that other characters than those of ASCII divide are read by `tobj`.
-        match words.next().unwrap_or_default() {
-            b"v" => reader.position(words)?,
-            b"vt" => reader.texcoords.push(numbers(&mut words)?),
-            b"vn" => reader.normals.push(numbers(&mut words)?),
-            b"f" => reader.face(words)?,
-            b"l" => return None,
-            b"o" | b"g" => {
-                reader.finish_group(name, material)?;
-                // Behind the first character, even if that is white space.
-                name = std::str::from_utf8(line).ok()?.get(1..)?.trim();
-                if name.is_empty() {
-                    name = "unnamed_object";
-                }
-            }
-            b"usemtl" => {
-                let wanted = std::str::from_utf8(line).ok()?.split_once(' ')?.1.trim();
-                let wanted = if wanted.is_empty() { return None } else { places.get(wanted).copied() };
-                if wanted != material {
-                    reader.finish_group(name, material)?;
-                }
-                material = wanted;
-            }
-            [b'#', ..] => {}
-            first if first.is_ascii() && !first.contains(&b'\x0B') => {}
-            _ => return None,
-        }
+    let mut is_read = true;
+    threads::in_order(parts.len(), &|at| Lines::of(parts[at].0, before[at], &places), &mut |lines| {
+        is_read = lines.and_then(|lines| reader.add(lines, &mut name, &mut material)).is_some();
+        is_read
+    });
+    if !is_read {
+        return None;
     }
-    reader.finish_group(name, material)?;
+    reader.finish_group(name, material, reader.values.colors.len())?;
     Some(reader.models)
 }
 
-impl Reader {
+impl<'b> Lines<'b> {
+    /// Reads lines; `None` where `tobj` must read the file.
+    fn of(bytes: &'b [u8], before: [usize; 3], places: &HashMap<&str, usize>) -> Option<Self> {
+        let text = std::str::from_utf8(bytes).ok()?;
+        let mut own = Self { before, ..Self::default() };
+        // Lines of one line feed after the other: a carriage return before it is white space.
+        for line in lines(text.as_bytes()) {
+            let mut words = Words(line);
+            // Words that other characters than those of ASCII divide are read by `tobj`.
+            match words.next().unwrap_or_default() {
+                b"v" => own.position(words)?,
+                b"vt" => own.values.texcoords.push(numbers(&mut words)?),
+                b"vn" => own.values.normals.push(numbers(&mut words)?),
+                b"f" => own.face(words)?,
+                b"l" => return None,
+                b"o" | b"g" => {
+                    // Behind the first character, even if that is white space.
+                    let name = std::str::from_utf8(line).ok()?.get(1..)?.trim();
+                    own.change(ChangeTo::Name(if name.is_empty() { "unnamed_object" } else { name }));
+                }
+                b"usemtl" => {
+                    let wanted = std::str::from_utf8(line).ok()?.split_once(' ')?.1.trim();
+                    if wanted.is_empty() {
+                        return None;
+                    }
+                    own.change(ChangeTo::Material(places.get(wanted).copied()));
+                }
+                [b'#', ..] => {}
+                first if first.is_ascii() && !first.contains(&b'\x0B') => {}
+                _ => return None,
+            }
+        }
+        Some(own)
+    }
+
+    fn change(&mut self, to: ChangeTo<'b>) {
+        self.changes.push(Change { faces: self.faces.len(), colors: self.values.colors.len(), to });
+    }
+
     /// Reads a position, and its colour if it has one.
     fn position(&mut self, mut words: Words<'_>) -> Option<()> {
-        self.positions.push(numbers(&mut words)?);
+        self.values.positions.push(numbers(&mut words)?);
         if !words.is_empty() {
-            self.colors.push(numbers(&mut words)?);
+            self.values.colors.push(numbers(&mut words)?);
             return words.is_empty().then_some(());
         }
         Some(())
     }
 
-    /// Reads a polygon: a fan around its first corner.
-    fn face(&mut self, mut words: Words<'_>) -> Option<()> {
-        let (first, mut last) = (self.vertex(words.next()?)?, self.vertex(words.next()?)?);
-        // A line has two corners.
-        let mut next = Some(words.next()?);
-        while let Some(word) = next {
-            let this = self.vertex(word)?;
-            self.indices.extend([first, last, this]);
-            last = this;
-            next = words.next();
+    /// Reads a polygon, which has three corners at least: a line has two.
+    fn face(&mut self, words: Words<'_>) -> Option<()> {
+        let first = self.corners.len();
+        for word in words {
+            let corner = self.corner(word)?;
+            self.corners.push(corner);
         }
+        let count = self.corners.len() - first;
+        self.faces.push(u32::try_from(count).ok().filter(|count| *count > 2)?);
         Some(())
     }
 
-    /// The vertex of a corner, `position[/texcoord[/normal]]`.
-    fn vertex(&mut self, word: &[u8]) -> Option<u32> {
+    /// A corner, `position[/texcoord[/normal]]`.
+    fn corner(&self, word: &[u8]) -> Option<Corner> {
+        let Values { positions, texcoords, normals, .. } = &self.values;
+        let [position, texcoord, normal] = self.before;
         let mut parts = word.split(|byte| *byte == b'/');
-        let position = index(parts.next()?, self.positions.len())?;
+        let position = index(parts.next()?, position + positions.len())?;
         let mut optional = |count: usize| match parts.next() {
             None | Some([]) => Some(NONE),
             Some(digits) => index(digits, count),
         };
-        let (texcoord, normal) = (optional(self.texcoords.len())?, optional(self.normals.len())?);
-        if parts.next().is_some() {
-            return None;
+        let texcoord = optional(texcoord + texcoords.len())?;
+        let normal = optional(normal + normals.len())?;
+        parts.next().is_none().then_some(Corner { position, texcoord, normal })
+    }
+}
+
+impl Reader {
+    /// Adds the next lines of a file, in which the group and the material may change.
+    fn add<'b>(&mut self, lines: Lines<'b>, name: &mut &'b str, material: &mut Option<usize>) -> Option<()> {
+        let Lines { values, corners, faces, changes, .. } = lines;
+        let colors_before = self.values.colors.len();
+        self.values.positions.extend(values.positions);
+        self.values.colors.extend(values.colors);
+        self.values.texcoords.extend(values.texcoords);
+        self.values.normals.extend(values.normals);
+        self.first_vertices.resize(self.values.positions.len(), NONE);
+        let (mut done, mut rest) = (0, &corners[..]);
+        for change in &changes {
+            self.add_faces(&faces[done..change.faces], &mut rest)?;
+            done = change.faces;
+            let colors = colors_before + change.colors;
+            match change.to {
+                ChangeTo::Name(to) => {
+                    self.finish_group(name, *material, colors)?;
+                    *name = to;
+                }
+                ChangeTo::Material(to) => {
+                    if to != *material {
+                        self.finish_group(name, *material, colors)?;
+                    }
+                    *material = to;
+                }
+            }
         }
-        self.number(Corner { position, texcoord, normal })
+        self.add_faces(&faces[done..], &mut rest)
+    }
+
+    /// Adds polygons, each as a fan around its first corner.
+    fn add_faces(&mut self, faces: &[u32], corners: &mut &[Corner]) -> Option<()> {
+        for &count in faces {
+            let (face, rest) = corners.split_at_checked(count as usize)?;
+            *corners = rest;
+            let [first, second, others @ ..] = face else { return None };
+            let (first, mut last) = (self.number(*first)?, self.number(*second)?);
+            for corner in others {
+                let this = self.number(*corner)?;
+                self.indices.extend([first, last, this]);
+                last = this;
+            }
+        }
+        Some(())
     }
 
     /// The number of a vertex within the group; a new one gets the next.
     fn number(&mut self, corner: Corner) -> Option<u32> {
-        if self.first_vertices.len() < self.positions.len() {
-            self.first_vertices.resize(self.positions.len(), NONE);
-        }
         let first = &mut self.first_vertices[corner.position as usize];
         let mut at = *first;
         let mut length = 0;
@@ -162,8 +263,10 @@ impl Reader {
         Some(new)
     }
 
-    /// Makes a model of the triangles since the last group, if there are any.
-    fn finish_group(&mut self, name: &str, material: Option<usize>) -> Option<()> {
+    /// Makes a model of the triangles since the last group, if there are any. So many colours are
+    /// known by now.
+    fn finish_group(&mut self, name: &str, material: Option<usize>, colors: usize) -> Option<()> {
+        let Values { positions, texcoords, normals, colors: all_colors } = &self.values;
         if self.indices.is_empty() {
             return Some(());
         }
@@ -172,15 +275,15 @@ impl Reader {
         for Vertex { corner, .. } in self.vertices.drain(..) {
             let position = corner.position as usize;
             self.first_vertices[position] = NONE;
-            mesh.positions.extend(self.positions[position]);
+            mesh.positions.extend(positions[position]);
             if corner.texcoord != NONE {
-                mesh.texcoords.extend(self.texcoords[corner.texcoord as usize]);
+                mesh.texcoords.extend(texcoords[corner.texcoord as usize]);
             }
             if corner.normal != NONE {
-                mesh.normals.extend(self.normals[corner.normal as usize]);
+                mesh.normals.extend(normals[corner.normal as usize]);
             }
-            if !self.colors.is_empty() {
-                mesh.vertex_color.extend(self.colors.get(position)?);
+            if colors > 0 {
+                mesh.vertex_color.extend(all_colors[..colors].get(position)?);
             }
         }
         self.unlisted.clear();
@@ -264,7 +367,7 @@ mod tests {
 
     use super::*;
     use crate::math::random::Random;
-    use crate::scene::mesh::obj::read_with_tobj;
+    use crate::scene::mesh::obj::{Contents, parts, read_with_tobj};
 
     /// The groups as `tobj` reads them: the judge.
     fn judged(text: &str, materials: &[String]) -> Vec<ObjModel> {
@@ -274,10 +377,21 @@ mod tests {
         models
     }
 
+    fn read_in_parts(bytes: &[u8], part: usize, materials: &[String]) -> Option<Vec<ObjModel>> {
+        let parts: Vec<_> =
+            parts(bytes, part).into_iter().map(|part| (part, Contents::of(part).counts())).collect();
+        read(&parts, materials)
+    }
+
     fn check(text: &str, materials: &[&str]) {
         let materials: Vec<String> = materials.iter().map(|name| (*name).to_string()).collect();
-        let found = read(text.as_bytes(), &materials).expect(text);
-        assert_eq!(format!("{found:?}"), format!("{:?}", judged(text, &materials)), "{text}");
+        let wanted = format!("{:?}", judged(text, &materials));
+        // As a whole, and line by line.
+        for (part, threads) in [(usize::MAX, 1), (1, 1), (1, 3), (100, 2)] {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            let found = pool.install(|| read_in_parts(text.as_bytes(), part, &materials)).expect(text);
+            assert_eq!(format!("{found:?}"), wanted, "{text}");
+        }
     }
 
     #[test]
@@ -359,8 +473,11 @@ mod tests {
             "f 1 2\u{A0}3\n",
             "v 0 0 0 1 1 1\nf 1 2 3\n",
         ] {
-            assert!(read(format!("{points}{rest}").as_bytes(), &[]).is_none(), "{rest}");
+            let text = format!("{points}{rest}");
+            for part in [1, usize::MAX] {
+                assert!(read_in_parts(text.as_bytes(), part, &[]).is_none(), "{rest}");
+            }
         }
-        assert!(read(b"v 0 0 \xFF\n", &[]).is_none());
+        assert!(read_in_parts(b"v 0 0 \xFF\n", 1, &[]).is_none());
     }
 }
