@@ -15,6 +15,8 @@ pub mod assertions;
 pub mod block_counts;
 pub mod blocks;
 mod bound;
+#[cfg(feature = "scenes")]
+mod clean_launch;
 pub mod compute_test;
 pub mod data;
 pub mod device_buffers;

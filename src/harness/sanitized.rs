@@ -6,6 +6,7 @@ use std::sync::Arc;
 use crate::accel::Tlas;
 use crate::debug::session::{ResolvedRequest, SingleRun};
 use crate::error::{Error, ErrorKind, Result};
+use crate::harness::clean_launch::CleanLaunch;
 use crate::harness::side_by_side::SideBySide;
 use crate::machine::{Resources, ShaderIndex};
 use crate::math::array;
@@ -103,17 +104,24 @@ fn run_passes(
             PassWork::Launch(launch) => {
                 let pipeline = reference.pass_pipeline(launch);
                 let plans: Vec<_> = pipeline.programs.iter().map(ProgramPlan::new).collect();
+                let pass_pipeline = launch.pipeline;
+                let seen = traced.entry(pass_pipeline).or_default();
+                let size = launch.size(&resources);
+                sizes.push(LaunchSize { invocations: size, workgroup: [1; 3] });
+                let launch = Launch { pipeline: &pipeline, resources: &resources };
+                let clean = CleanLaunch { scene, launch: &launch, plans: &plans, levels };
+                if let Some(clean) = clean.run(size, &unwritten, seen) {
+                    unwritten = clean.unwritten;
+                    *seen = clean.seen;
+                    stats = stats.plus(&clean.stats);
+                    continue;
+                }
                 let mut sanitizer = Sanitizer::new(&plans, levels)
                     .of_pipeline(&pipeline)
                     .with_unwritten(unwritten)
                     .with_resources(&resources);
-                let pass_pipeline = launch.pipeline;
-                let seen = traced.entry(pass_pipeline).or_default();
                 let mut watch = RayWatch::new(&pipeline, scene, levels, seen);
-                let size = launch.size(&resources);
                 let side_by_side = SideBySide::of(&plans, &resources);
-                sizes.push(LaunchSize { invocations: size, workgroup: [1; 3] });
-                let launch = Launch { pipeline: &pipeline, resources: &resources };
                 let outcome = launch.run_observed(size, &mut watch, &mut sanitizer);
                 let first = reference.first_program(pass_pipeline);
                 findings.extend(watch.into_findings_of_launch().of_shaders_from(first));

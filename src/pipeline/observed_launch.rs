@@ -13,6 +13,7 @@ use crate::pipeline::sbt::SbtRecord;
 use crate::pipeline::stack::{Stack, bindings};
 use crate::pipeline::stats::Stats;
 use crate::pipeline::tasks::{TaskQueue, TaskResults};
+use crate::pipeline::threads::has_threads;
 use crate::pipeline::trapped::{Trapped, spent_together, timed_out};
 
 /// Runs the invocations of a task under a pipeline observer and an observer of operations.
@@ -83,8 +84,8 @@ impl Launch<'_> {
 
     /// Runs the ray generation shader over a grid as [`Launch::run_observed`] does, on all threads
     /// where [`Launch::run`] uses them. The function is called for each task with its positions in
-    /// launch order, and must run it under observers of its own. Tasks are ascending; those behind
-    /// a trap may be left out.
+    /// launch order, and runs it under observers of its own, or leaves it out. Tasks are ascending
+    /// on each thread; those behind a trap may be left out.
     ///
     /// # Errors
     /// As [`Launch::run`].
@@ -115,7 +116,7 @@ impl Launch<'_> {
                     let range = range.clone();
                     ran = Some(self.run_observed_task(&work, &watch, range, pipeline_observer, observer));
                 });
-                let (stats, trapped) = ran.expect("bug in anyhit: an observed task did not run");
+                let (stats, trapped) = ran.unwrap_or_default();
                 results = results.merge(TaskResults { stats, trapped: None });
                 let late = watch.timed_out().filter(|_| trapped.is_none());
                 let late = late.map(|code| timed_out(work.last(task), code, dog));
@@ -127,10 +128,24 @@ impl Launch<'_> {
             }
             results
         };
-        let single_threaded = self.pipeline.order_dependent()
-            || self.pipeline.shared_memory(size, self.resources).is_some()
-            || work.count <= MAX_SINGLE_THREADED;
-        tasks.run(single_threaded, &worker).map_err(|trapped| trapped.error)
+        tasks.run(!self.may_use_threads(size, work.count), &worker).map_err(|trapped| trapped.error)
+    }
+
+    /// Returns whether [`Launch::run_observed_on_threads`] uses several threads. No invocation then
+    /// accesses memory that another one writes, except by atomic instructions.
+    pub fn is_observed_on_threads(&self, size: [u32; 3]) -> bool {
+        let Ok(Some(work)) = self.observed(size) else { return false };
+        work.tasks() > 1
+            && has_threads()
+            && rayon::current_num_threads() > 1
+            && self.may_use_threads(size, work.count)
+    }
+
+    /// Returns whether several threads may run a launch of so many invocations.
+    fn may_use_threads(&self, size: [u32; 3], count: u64) -> bool {
+        count > MAX_SINGLE_THREADED
+            && !self.pipeline.order_dependent()
+            && self.pipeline.shared_memory(size, self.resources).is_none()
     }
 
     /// A launch as it is observed; `None` where its subgroups are too large.

@@ -45,6 +45,15 @@ impl Expectations {
         outcome.missed += u64::from(missed.count());
     }
 
+    /// Adds those of other parts of a launch.
+    pub(super) fn merge(&mut self, other: Self) {
+        for (&(shader, op), outcome) in &other.0 {
+            let own = self.0.entry((shader, op)).or_default();
+            own.met += outcome.met;
+            own.missed += outcome.missed;
+        }
+    }
+
     /// Adds a finding for each hint that is mostly wrong.
     pub(super) fn tell(&self, plans: &[ProgramPlan], levels: &Levels, findings: &mut Findings) {
         let rule = &arithmetic::EXPECT_WRONG;

@@ -36,6 +36,13 @@ impl PassedData {
         self.calls.entry((caller, variable)).or_insert_with(|| (op, FxHashSet::default())).1.insert(called);
     }
 
+    /// Adds the calls of other parts of a launch.
+    pub(super) fn merge(&mut self, other: Self) {
+        for (passed, (op, called)) in other.calls {
+            self.calls.entry(passed).or_insert_with(|| (op, FxHashSet::default())).1.extend(called);
+        }
+    }
+
     /// Reports the variables that a called shader writes and that neither the caller nor any called
     /// shader reads.
     pub(super) fn report(&self, plans: &[ProgramPlan], levels: &Levels, findings: &mut Findings) {

@@ -148,6 +148,19 @@ impl<'a> Sanitizer<'a> {
         }
     }
 
+    /// What runs next is the part of a launch that begins at a place in launch order.
+    pub fn begin_part(&mut self, place: u64) {
+        self.unwritten.begin_part(place);
+    }
+
+    /// Adds what the sanitizer of other parts of the launch knows. Neither has found anything, and
+    /// no invocation of the launch accesses memory that another one writes.
+    pub fn merge(&mut self, other: Self) {
+        self.unwritten.merge(other.unwritten);
+        self.expectations.merge(other.expectations);
+        self.passed.merge(other.passed);
+    }
+
     /// What was found.
     pub fn into_findings(self) -> Findings {
         self.into_findings_and_unwritten().0

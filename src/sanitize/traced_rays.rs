@@ -77,6 +77,23 @@ impl SeenRays {
         seen
     }
 
+    /// Adds the rays that were traced behind these.
+    pub fn merge(&mut self, later: &Self) {
+        for other in &later.structures {
+            let known = self.structures.iter_mut().find(|known| Arc::ptr_eq(&known.tlas, &other.tlas));
+            let Some(known) = known else {
+                self.structures.push(other.clone());
+                continue;
+            };
+            known.masks |= other.masks;
+            for kind in &other.kinds {
+                if !known.kinds.contains(kind) {
+                    known.kinds.push(*kind);
+                }
+            }
+        }
+    }
+
     /// Notes the ray of a query, if the event is that one begins.
     pub fn add_event(&mut self, event: &Event) {
         if let Event::RayQuery(event) = event
@@ -581,6 +598,28 @@ mod tests {
         }
         let found: Vec<_> = seen.structures.iter().map(|one| (one.masks, one.kinds.len())).collect();
         assert_eq!(found, [(3, 2), (4, 0)]);
+    }
+
+    #[test]
+    fn rays_of_parts_are_those_of_the_whole() {
+        let structures = [triangles(&[InstanceFlags(0)]), triangles(&[InstanceFlags(0)])];
+        let kind = |offset| Some(RayKind { flags: RayFlags::OPAQUE, stride: 1, offset });
+        let rays = [(0, 1, 0), (0, 2, 3), (1, 4, 1), (0, 1, 1), (1, 8, 2), (0, 16, 3)];
+        let add = |seen: &mut SeenRays, &(at, mask, offset): &(usize, u32, u32)| {
+            seen.add(&structures[at], &ray(mask), kind(offset));
+        };
+        let mut whole = SeenRays::default();
+        rays.iter().for_each(|ray| add(&mut whole, ray));
+        let mut merged = SeenRays::default();
+        for part in rays.chunks(2) {
+            let mut seen = SeenRays::default();
+            part.iter().for_each(|ray| add(&mut seen, ray));
+            merged.merge(&seen);
+        }
+        let content = |seen: &SeenRays| -> Vec<_> {
+            seen.structures.iter().map(|one| (Arc::as_ptr(&one.tlas), one.masks, one.kinds.clone())).collect()
+        };
+        assert_eq!(content(&merged), content(&whole));
     }
 
     #[test]

@@ -19,17 +19,19 @@ use crate::sanitize::rule::{Level, memory};
 
 /// The parts of buffers and images that nobody has written. It outlives a pass: what one pass
 /// writes, the next may read.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub struct UnwrittenMemory {
     /// By the id of the buffer's memory: its place in `objects`.
     buffers: FxHashMap<usize, u32>,
     /// By the image's address: its place in `objects`.
     images: FxHashMap<usize, u32>,
     objects: Vec<Unwritten>,
+    /// The part of a launch that runs, in launch order.
+    part: u64,
 }
 
 /// A buffer or an image.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 struct Unwritten {
     /// Its name in the scene.
     name: String,
@@ -39,8 +41,8 @@ struct Unwritten {
     parts: Vec<bool>,
     /// How many of them nobody has written.
     left: usize,
-    /// An instruction that writes it.
-    writer: Option<(Arc<Program>, OpIndex)>,
+    /// The first instruction that writes it, with the part of a launch in which it did.
+    writer: Option<(u64, (Arc<Program>, OpIndex))>,
 }
 
 impl Unwritten {
@@ -67,6 +69,21 @@ pub(super) struct UnwrittenPart {
 }
 
 impl UnwrittenMemory {
+    /// What follows belongs to a part of a launch, by its place in launch order.
+    pub(super) fn begin_part(&mut self, part: u64) {
+        self.part = part;
+    }
+
+    /// Adds what other parts of the launch have written, of which this one has a copy.
+    pub(super) fn merge(&mut self, other: Self) {
+        for (own, other) in self.objects.iter_mut().zip(other.objects) {
+            own.parts.iter_mut().zip(other.parts).for_each(|(own, other)| *own &= other);
+            own.left = own.parts.iter().filter(|&&unwritten| unwritten).count();
+            let writers = own.writer.take().into_iter().chain(other.writer);
+            own.writer = writers.min_by_key(|(part, _)| *part);
+        }
+    }
+
     /// Adds a buffer of which nothing is written, unless it is there already.
     pub fn add_buffer(&mut self, buffer: &Buffer, name: &str) {
         let Self { buffers, objects, .. } = self;
@@ -144,10 +161,11 @@ impl UnwrittenMemory {
         index: usize,
         writer: impl FnOnce() -> (Arc<Program>, OpIndex),
     ) {
-        if let Some(&object) = self.images.get(&std::ptr::from_ref(image).addr()) {
-            let unwritten = &mut self.objects[object as usize];
+        let Self { images, objects, part, .. } = self;
+        if let Some(&object) = images.get(&std::ptr::from_ref(image).addr()) {
+            let unwritten = &mut objects[object as usize];
             unwritten.write(index, 1);
-            unwritten.writer.get_or_insert_with(writer);
+            unwritten.writer.get_or_insert_with(|| (*part, writer()));
         }
     }
 
@@ -170,7 +188,7 @@ impl UnwrittenMemory {
         let rule = &memory::OUTPUT_UNWRITTEN;
         let level = levels.of(rule);
         for (number, image) in (0..).zip(&self.objects) {
-            let (Some(shape), Some((program, op))) = (&image.shape, &image.writer) else { continue };
+            let (Some(shape), Some((_, (program, op)))) = (&image.shape, &image.writer) else { continue };
             let Some(first) = image.parts.iter().position(|&unwritten| unwritten) else { continue };
             if level == Level::Allow || !launches.iter().any(|launch| launch.covers(shape)) {
                 continue;
@@ -236,6 +254,7 @@ fn texel_name(shape: &ImageShape, index: usize) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::machine::format::{Component, Format};
     use crate::machine::image::Dimension;
 
     #[test]
@@ -252,6 +271,25 @@ mod tests {
         memory.write_bytes(&buffer, 0, 16);
         assert_eq!(memory.byte(&view, 0, 8), None);
         assert_eq!(memory.byte(&Buffer::zeroed(4), 0, 4), None);
+    }
+
+    #[test]
+    fn parts_of_a_launch_write_together() {
+        let image =
+            Image::filled(Format::new(Component::Float32, 1), ImageShape::plane(4, 1), &[0; 4]).unwrap();
+        let mut before = UnwrittenMemory::default();
+        before.add_image(&image, "picture");
+        let write = |part, texels: &[usize]| {
+            let mut memory = before.clone();
+            memory.begin_part(part);
+            texels.iter().for_each(|&texel| memory.objects[0].write(texel, 1));
+            memory
+        };
+        let mut memory = write(64, &[2, 3]);
+        memory.merge(write(0, &[0]));
+        assert_eq!(memory.objects[0].left, 1);
+        assert_eq!(memory.texel(&image, 1), Some(UnwrittenPart { object: 0, at: 1 }));
+        assert_eq!(memory.texel(&image, 2), None);
     }
 
     #[test]
