@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 use crate::debug::debugger::{
-    Debugger, SourcePosition, StackFrame, Stepping, StopReason, Variable, VariableKind,
+    Debugger, KeptStack, SourcePosition, StackFrame, Stepping, StopReason, Variable, VariableKind,
 };
 use crate::debug::executed_lines::ExecutedLine;
 use crate::debug::session::{ExplainRequest, Session};
@@ -47,6 +47,14 @@ impl FollowedRuns {
         match self {
             Self::Only(runs) => runs.contains(&run),
             Self::All => true,
+        }
+    }
+
+    /// Whether one of them is among runs in ascending order.
+    fn are_in(&self, ascending: &[u64]) -> bool {
+        match self {
+            Self::Only(runs) => runs.iter().any(|run| ascending.binary_search(run).is_ok()),
+            Self::All => !ascending.is_empty(),
         }
     }
 }
@@ -162,6 +170,9 @@ struct Recorder {
     /// How many texts are printed in all.
     texts: usize,
     stops: usize,
+    stack: KeptStack,
+    /// How many of the outermost frames of the stack `frames` has.
+    matched: usize,
     runs: SortedMap<u64, RunRecord>,
     /// From the outermost.
     frames: Vec<OpenFrame>,
@@ -178,6 +189,8 @@ impl Recorder {
             wanted,
             texts,
             stops: 0,
+            stack: KeptStack::default(),
+            matched: 0,
             runs: SortedMap::new(),
             frames: Vec::new(),
             printed: Vec::new(),
@@ -203,24 +216,22 @@ impl Recorder {
     fn stop(&mut self, debugger: &mut Debugger) {
         self.stops += 1;
         self.look_at_output(debugger);
-        let mut stack = debugger.stack();
-        let Some(top) = stack.first().cloned() else { return };
+        let kept = self.stack.read(debugger);
+        self.matched = self.matched.min(kept);
+        let Some(top) = self.stack.frames.last().cloned() else { return };
         let Some(position) = top.position else { return };
         let sources = debugger.sources().clone();
         self.last_line = (!sources.is_disassembly(position))
             .then(|| (sources.files()[position.file as usize].name.clone(), position.line));
-        stack.reverse();
-        let numbers: Vec<u64> =
-            stack.iter().map(|frame| debugger.run_number(frame).unwrap_or_default()).collect();
-        self.is_inside = numbers.iter().any(|&run| self.wanted.contain(run));
-        let run = numbers.last().copied().unwrap_or_default();
-        self.match_frames(&stack, &numbers);
+        self.is_inside = self.wanted.are_in(&self.stack.runs);
+        let run = self.stack.runs.last().copied().unwrap_or_default();
+        self.match_frames();
         if !self.wanted.contain(run) || self.last_line.is_none() {
             return;
         }
         self.look_at_globals(debugger, &top, run);
         let locals = read_all(debugger, &top, Debugger::locals, &|_| true);
-        let is_called = numbers.iter().rev().nth(1) == Some(&run);
+        let is_called = self.stack.runs.iter().rev().nth(1) == Some(&run);
         let record = self.runs.entry(run).or_default();
         let Some(frame) = self.frames.last_mut() else { return };
         // A function that stops where it began has been called anew.
@@ -252,21 +263,22 @@ impl Recorder {
         frame.entry = frame.entry.or(Some(position));
         frame.line = Some(number);
         frame.locals = locals;
-        let own = self.frames.iter().rev().filter(|frame| frame.run == run);
+        let own = self.frames.iter().rev().take_while(|frame| frame.run == run);
         record.open = own.filter_map(|frame| frame.line).collect();
     }
 
     /// Drops the functions that have returned, and adds those that were called.
-    fn match_frames(&mut self, stack: &[StackFrame], numbers: &[u64]) {
+    fn match_frames(&mut self) {
+        let (stack, runs) = (&self.stack.frames[self.matched..], &self.stack.runs[self.matched..]);
         let is_same = |open: &OpenFrame, frame: &StackFrame, run: u64| {
             open.run == run
                 && open.function == frame.source.function
                 && open.scope == frame.source.origin.scope
         };
-        let pairs = self.frames.iter().zip(stack.iter().zip(numbers));
+        let pairs = self.frames[self.matched..].iter().zip(stack.iter().zip(runs));
         let kept = pairs.take_while(|(open, (frame, run))| is_same(open, frame, **run)).count();
-        self.frames.truncate(kept);
-        for (frame, &run) in stack.iter().zip(numbers).skip(kept) {
+        self.frames.truncate(self.matched + kept);
+        for (frame, &run) in stack.iter().zip(runs).skip(kept) {
             self.frames.push(OpenFrame {
                 run,
                 function: frame.source.function.clone(),
@@ -276,6 +288,7 @@ impl Recorder {
                 locals: Vec::new(),
             });
         }
+        self.matched = self.frames.len();
     }
 
     /// Notes what changed in payloads and the module's own variables since the last stop of a run.

@@ -32,6 +32,8 @@ use crate::program::Program;
 #[derive(Clone, Debug)]
 pub(super) struct RunningShader<const W: usize> {
     pub shader: ShaderIndex,
+    /// Number of shaders below it in the stack.
+    pub number: usize,
     role: Role,
     pub batch: Batch<W>,
     lanes: Mask<W>,
@@ -341,6 +343,7 @@ where
             };
             Box::new(RunningShader {
                 shader,
+                number: 0,
                 role,
                 batch: program.batch(),
                 lanes: Mask::NONE,
@@ -364,6 +367,11 @@ where
     fn push_shader(&mut self, mut running: Box<RunningShader<W>>) {
         let program = &*self.pipeline.programs[running.shader.index()];
         let mask = running.lanes;
+        let below = self.frames.iter().rev().find_map(|frame| match frame {
+            ShaderCallFrame::Shader(below) => Some(below.number),
+            _ => None,
+        });
+        running.number = below.map_or(0, |below| below + 1);
         self.stack_size += u64::from(program.register_count) * 4;
         self.stats.count(program.stage, mask.count());
         if let Some(watch) = &self.watch {

@@ -192,13 +192,51 @@ where
         })
     }
 
-    /// The lanes of one of [`SteppedLaunch::shaders`], by its number from the outermost.
-    pub fn batch_mut(&mut self, number: usize) -> Option<&mut Batch<W>> {
-        let batches = self.state.frames.iter_mut().filter_map(|frame| match frame {
-            ShaderCallFrame::Shader(running) => Some(&mut running.batch),
+    /// Number of [`SteppedLaunch::shaders`].
+    pub fn shader_count(&self) -> usize {
+        let numbers = self.state.frames.iter().rev().find_map(|frame| match frame {
+            ShaderCallFrame::Shader(running) => Some(running.number),
             _ => None,
         });
-        batches.into_iter().nth(number)
+        numbers.map_or(0, |last| last + 1)
+    }
+
+    /// Returns one of [`SteppedLaunch::shaders`], by its number from the outermost.
+    pub fn shader(&self, number: usize) -> Option<ActiveShader<'_, W>> {
+        match self.state.frames.get(self.frame_of(number)?)? {
+            ShaderCallFrame::Shader(running) => {
+                Some(ActiveShader { shader: running.shader, batch: &running.batch })
+            }
+            _ => None,
+        }
+    }
+
+    /// The lanes of one of [`SteppedLaunch::shaders`], by its number from the outermost.
+    pub fn batch_mut(&mut self, number: usize) -> Option<&mut Batch<W>> {
+        let frame = self.frame_of(number)?;
+        match self.state.frames.get_mut(frame)? {
+            ShaderCallFrame::Shader(running) => Some(&mut running.batch),
+            _ => None,
+        }
+    }
+
+    /// Finds the frame of a shader by bisection: at most two frames are between two shaders.
+    fn frame_of(&self, number: usize) -> Option<usize> {
+        let frames = &self.state.frames;
+        let (mut first, mut end) = (0, frames.len());
+        while first < end {
+            let middle = first + (end - first) / 2;
+            let below = (first..=middle).rev().find_map(|at| match &frames[at] {
+                ShaderCallFrame::Shader(running) => Some((at, running.number)),
+                _ => None,
+            });
+            match below {
+                Some((at, found)) if found == number => return Some(at),
+                Some((at, found)) if found > number => end = at,
+                _ => first = middle + 1,
+            }
+        }
+        None
     }
 }
 

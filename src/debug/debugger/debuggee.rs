@@ -72,6 +72,11 @@ pub trait Debuggee {
     /// The shaders that have begun and not ended, the outermost first.
     fn shaders(&self) -> Vec<StoppedShader>;
 
+    /// One of these shaders, by its number from the outermost.
+    fn shader(&self, number: usize) -> Option<StoppedShader> {
+        self.shaders().into_iter().nth(number)
+    }
+
     /// The word in a register of one of these shaders.
     fn register(&self, shader: usize, register: Reg) -> u32;
 
@@ -156,14 +161,17 @@ where
         self.shaders_of(self.lane())
     }
 
+    fn shader(&self, number: usize) -> Option<StoppedShader> {
+        stopped_shader(self, self.lane(), number)
+    }
+
     fn register(&self, shader: usize, register: Reg) -> u32 {
         self.register_of(self.lane(), shader, register)
     }
 
     fn set_register(&mut self, shader: usize, register: Reg, word: u32) {
         let lane = self.lane();
-        let position = shaders_with(self, lane).nth(shader).map(|(position, _)| position);
-        if let Some(batch) = position.and_then(|position| self.batch_mut(position)) {
+        if let Some(batch) = self.batch_mut(shader).filter(|batch| batch.live().contains(lane)) {
             set_word(batch, register, lane, word);
         }
     }
@@ -177,11 +185,11 @@ where
     }
 
     fn ray_query(&self, shader: usize, handle: u32) -> Option<&RayQuery> {
-        shaders_with(self, self.lane()).nth(shader)?.1.batch.queries.get(handle)
+        shader_with(self, self.lane(), shader)?.batch.queries.get(handle)
     }
 
     fn hit_object(&self, shader: usize, handle: u32) -> Option<&HitObject> {
-        shaders_with(self, self.lane()).nth(shader)?.1.batch.hit_objects.get(handle)
+        shader_with(self, self.lane(), shader)?.batch.hit_objects.get(handle)
     }
 
     fn shader_record(&self, shader: usize) -> Option<(Arc<Buffer>, u64, u64)> {
@@ -194,13 +202,12 @@ where
 
     fn lanes(&self) -> Vec<DebuggedLane> {
         let Some(outermost) = Self::shaders(self).next().filter(|_| W > 1) else { return Vec::new() };
-        let running = Self::shaders(self).count() - 1;
+        let running = self.shader_count() - 1;
         let lane = |lane: usize| {
-            let innermost = shaders_with(self, lane).last();
-            let activity = match innermost {
+            let activity = match shader_with(self, lane, running) {
+                Some(active) => lane_activity(active.batch, lane),
+                None if shader_with(self, lane, 0).is_some() => LaneActivity::Waiting,
                 None => LaneActivity::Ended,
-                Some((position, active)) if position == running => lane_activity(active.batch, lane),
-                Some(_) => LaneActivity::Waiting,
             };
             let launch_id = outermost.batch.invocations.launch_id(lane);
             DebuggedLane { lane, launch_id, activity, is_followed: lane == self.lane() }
@@ -209,28 +216,22 @@ where
     }
 
     fn shaders_of(&self, lane: usize) -> Vec<StoppedShader> {
-        let count = Self::shaders(self).count();
-        let own = shaders_with(self, lane).map(|(position, active)| {
-            let program = &self.pipeline().programs[active.shader.index()];
-            let (op, calls) = lane_position(program, active.batch, lane, position + 1 == count);
-            StoppedShader { shader: active.shader, op, calls }
-        });
-        own.collect()
+        (0..).map_while(|number| stopped_shader(self, lane, number)).collect()
     }
 
     fn register_of(&self, lane: usize, shader: usize, register: Reg) -> u32 {
-        let active = shaders_with(self, lane).nth(shader);
-        active.map_or(0, |(_, active)| active.batch.registers[register].0[lane])
+        let active = shader_with(self, lane, shader);
+        active.map_or(0, |active| active.batch.registers[register].0[lane])
     }
 
     fn builtin_of(&self, lane: usize, shader: usize, builtin: &'static Builtin) -> Option<Vec<u32>> {
-        let (_, active) = shaders_with(self, lane).nth(shader)?;
+        let active = shader_with(self, lane, shader)?;
         let program = &self.pipeline().programs[active.shader.index()];
         builtin_words(program, active.batch, lane, builtin)
     }
 
     fn shader_record_of(&self, lane: usize, shader: usize) -> Option<(Arc<Buffer>, u64, u64)> {
-        let (_, active) = shaders_with(self, lane).nth(shader)?;
+        let active = shader_with(self, lane, shader)?;
         let record = active.batch.invocations.record(lane)?;
         Some((record.data.clone(), record.offset, record.size))
     }
@@ -349,15 +350,32 @@ fn set_word<const W: usize>(batch: &mut Batch<W>, register: Reg, lane: usize, wo
     }
 }
 
-/// The shaders that a lane is in, each with its place among all.
-fn shaders_with<const W: usize>(
+/// The shader with a number, if a lane is in it: a lane is in all shaders that wait for its own.
+fn shader_with<const W: usize>(
     launch: &SteppedLaunch<W>,
     lane: usize,
-) -> impl Iterator<Item = (usize, ActiveShader<'_, W>)>
+    number: usize,
+) -> Option<ActiveShader<'_, W>>
 where
     LaneKernel: Width<W>,
 {
-    launch.shaders().enumerate().filter(move |(_, active)| active.batch.live().contains(lane))
+    launch.shader(number).filter(|active| active.batch.live().contains(lane))
+}
+
+/// Where a lane is in the shader with a number.
+fn stopped_shader<const W: usize>(
+    launch: &SteppedLaunch<W>,
+    lane: usize,
+    number: usize,
+) -> Option<StoppedShader>
+where
+    LaneKernel: Width<W>,
+{
+    let active = shader_with(launch, lane, number)?;
+    let program = &launch.pipeline().programs[active.shader.index()];
+    let runs = number + 1 == launch.shader_count();
+    let (op, calls) = lane_position(program, active.batch, lane, runs);
+    Some(StoppedShader { shader: active.shader, op, calls })
 }
 
 /// The words of a builtin in a lane of a shader; `None` where its stage has none.

@@ -79,7 +79,7 @@ pub use last_write::LastWrite;
 pub use output::DebugOutput;
 pub use source_frames::{SourceFrame, source_frames};
 pub use source_map::{SourceMap, SourcePosition, SourceText};
-pub use stack::StackFrame;
+pub use stack::{KeptStack, StackFrame};
 pub use traversal_names::{instance_verdict_name, is_step_of_traversal, verdict_name};
 pub use variable_place::VariablePlace;
 pub use variables::{
