@@ -11,7 +11,9 @@ use crate::input::InputLimit;
 use crate::scene::file::SceneFile;
 use crate::scene::read::{Diagnostics, Document, Parse, Table};
 use crate::scene::resolve::refuse_module;
-use crate::scene::{Assembled, Files, LoadOptions, ResolvedScene, RunLimits, SceneFiles, assemble, load};
+use crate::scene::{
+    Assembled, Files, LoadOptions, ParsedScene, ResolvedScene, RunLimits, SceneFiles, assemble, load,
+};
 use crate::sorted::{SortedSet, sort};
 
 /// A scene, or one of its variants, that is to meet its expectations.
@@ -38,6 +40,9 @@ pub struct Case {
     /// How the scene and what it names are read.
     #[doc(hidden)]
     pub files: SceneFiles,
+    /// The file, where it has several cases and no mistakes.
+    #[doc(hidden)]
+    pub parsed: Option<ParsedScene>,
 }
 
 /// A case with everything that it names.
@@ -154,10 +159,15 @@ impl Case {
     pub fn of_within(scene: &Path, files: &SceneFiles) -> Result<Vec<Self>> {
         let bytes = files.read_limited(scene, InputLimit::SceneBytes)?;
         refuse_module(scene, &bytes)?;
-        let text = String::from_utf8_lossy(&bytes).into_owned();
+        let (text, is_utf8) = match String::from_utf8(bytes) {
+            Ok(text) => (text, true),
+            Err(error) => (String::from_utf8_lossy(error.as_bytes()).into_owned(), false),
+        };
         // Mistakes other than of syntax are reported when the case is run.
         let report = Diagnostics::within(files.limits);
         let file = SceneFile::parse(scene, text.as_str(), &report)?;
+        let is_shared = is_utf8 && !file.variants.all.is_empty();
+        let parsed = is_shared.then(|| ParsedScene::keep(&file, &report)).flatten();
         let root = file.document.root(&report);
         let rays = each_ray(&file.document, &report, |at, table| {
             let name = table.value("name").and_then(|name| Some(escape::controls(name.text()?).into_owned()));
@@ -172,11 +182,11 @@ impl Case {
         let rests = rays.iter().any(Option::is_some) && !launches;
         let launch = root.has("expect") || !(is_test_file(scene) || rests);
         drop(root);
-        let variants = file.variants.into_iter().map(|variant| Some(variant.name.value));
+        let variants = file.variants.all.iter().map(|variant| Some(variant.name.value.clone()));
         let rays: Vec<_> = rays.into_iter().flatten().collect();
         let case = |variant| {
-            let rays = rays.clone();
-            Self { scene: scene.to_path_buf(), variant, size: None, launch, rays, files: files.clone() }
+            let (rays, files, parsed) = (rays.clone(), files.clone(), parsed.clone());
+            Self { scene: scene.to_path_buf(), variant, size: None, launch, rays, files, parsed }
         };
         Ok(std::iter::once(None).chain(variants).map(case).collect())
     }
@@ -263,11 +273,12 @@ impl Case {
     #[doc(hidden)]
     pub fn load_limited(&self, limits: &RunLimits) -> Result<Loaded> {
         let variant = self.variant.clone();
-        let mut scene = load(
-            &self.scene,
-            &self.files,
-            &LoadOptions { size: self.size, variant, only_shaders_trace: true, ..LoadOptions::default() },
-        )?;
+        let options =
+            LoadOptions { size: self.size, variant, only_shaders_trace: true, ..LoadOptions::default() };
+        let mut scene = match &self.parsed {
+            Some(parsed) => parsed.load(&self.files, &options)?,
+            None => load(&self.scene, &self.files, &options)?,
+        };
         limits.give(&mut scene);
         let assembled = assemble(&scene)?;
         let mut expectations = Expectations::read(&scene.document)?;
@@ -397,4 +408,60 @@ pub(super) fn difference<'a>(one: &'a Observed, other: &'a Observed, which: Coun
         ))
     };
     (counts(one) != counts(other)).then(|| format!("counts {:?} / {:?}", counts(one), counts(other)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const HEAD: &str = "version = 1\n[shaders.main]\npath = \"main.spv\"\n[[dispatch]]\n\
+        shader = \"main\"\ngroups = 1\n\
+        [[variant]]\nname = \"a\"\nshaders.main = \"a.spv\"\n\
+        [[variant]]\nname = \"b\"\nshaders.main = \"b.spv\"\n";
+
+    /// The cases of a scene file, and its path.
+    fn cases(folder: &Path, text: &str) -> (Vec<Case>, PathBuf) {
+        let path = folder.join("scene.toml");
+        std::fs::write(&path, text).expect("a file");
+        let empty = [0x0723_0203_u32, 0x0001_0000, 0, 1, 0].map(u32::to_le_bytes).concat();
+        for name in ["main.spv", "a.spv", "b.spv"] {
+            std::fs::write(folder.join(name), &empty).expect("a file");
+        }
+        (Case::of(&path).expect("a scene"), path)
+    }
+
+    #[test]
+    fn variants_are_loaded_from_one_reading_of_their_file() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let (cases, path) = cases(folder.path(), HEAD);
+        assert_eq!(cases.len(), 3);
+        std::fs::remove_file(path).expect("the file");
+        let paths = cases.iter().map(|case| {
+            let parsed = case.parsed.as_ref().expect("a file without mistakes");
+            let options = LoadOptions { variant: case.variant.clone(), ..LoadOptions::default() };
+            let scene = parsed.load(&case.files, &options).expect("a scene");
+            scene.shaders[0].path.file_name().expect("a name").to_owned()
+        });
+        assert_eq!(paths.collect::<Vec<_>>(), ["main.spv", "a.spv", "b.spv"]);
+    }
+
+    #[test]
+    fn mistakes_are_those_of_reading_the_file_anew() {
+        let mistakes = [
+            ("[[variant]]\nname = \"c\"\nshaders.other = \"b.spv\"\n", "no shader `other` to replace"),
+            ("[[variant]]\nname = \"b\"\n", "two variants are named `b`"),
+            ("[[variant]]\nname = \"c\"\nshader.main = \"b.spv\"\n", "unknown key `shader`"),
+            ("[[ray]]\npixel = [0]\n", "expected"),
+        ];
+        for (more, message) in mistakes {
+            let folder = tempfile::tempdir().expect("a folder");
+            let (cases, _) = cases(folder.path(), &format!("{HEAD}{more}"));
+            let loads = |case: &Case| case.load().map(|_| ()).map_err(|error| error.render());
+            let found: Vec<_> = cases.iter().map(loads).collect();
+            let anew = cases.into_iter().map(|case| Case { parsed: None, ..case });
+            assert_eq!(found, anew.map(|case| loads(&case)).collect::<Vec<_>>());
+            let told = found.iter().filter_map(|one| one.as_ref().err());
+            assert!(told.into_iter().any(|error| error.contains(message)), "{message}: {found:?}");
+        }
+    }
 }

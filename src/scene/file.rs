@@ -3,8 +3,11 @@
 //! The keys of the format are read here and in `geometry`, `generate`, `data` and `camera`; they
 //! are documented in `docs/scene.md`.
 
+use std::collections::hash_map::Entry as MapEntry;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+
+use rustc_hash::FxHashMap;
 
 use crate::accel::{RayFlags, TraceRay};
 use crate::compile::{CompilerFlags, Language, LanguageName, STAGE_NAMES};
@@ -74,7 +77,7 @@ pub struct SceneFile {
     /// `[[ray]]`
     pub rays: Vec<RayEntry>,
     /// `[[variant]]`
-    pub variants: Vec<VariantEntry>,
+    pub variants: Arc<Variants>,
 }
 
 impl SceneFile {
@@ -132,7 +135,7 @@ impl SceneFile {
             precision: root.optional("precision"),
             launch: launch(root),
             rays: root.or("ray", Vec::new()),
-            variants: root.or("variant", Vec::new()),
+            variants: Arc::new(Variants::of(root.or("variant", Vec::new()))),
             document: document.clone(),
         };
         root.finish();
@@ -324,6 +327,35 @@ pub struct VariantEntry {
     pub name: Spanned<String>,
     /// `[variant.shaders.NAME]`: each replaces the scene's shader of that name.
     pub shaders: Vec<Entry<ShaderEntry>>,
+}
+
+/// The variants of a file, by their names.
+#[derive(Clone, Debug, Default)]
+pub struct Variants {
+    /// All of them, in the order of the file.
+    pub all: Vec<VariantEntry>,
+    /// The place in `all` of the first of each name.
+    places: FxHashMap<String, usize>,
+    /// The places in `all` of those whose name another has that is before them.
+    pub repeated: Vec<usize>,
+}
+
+impl Variants {
+    fn of(all: Vec<VariantEntry>) -> Self {
+        let (mut places, mut repeated) = (FxHashMap::default(), Vec::new());
+        for (place, variant) in all.iter().enumerate() {
+            match places.entry(variant.name.value.clone()) {
+                MapEntry::Vacant(entry) => drop(entry.insert(place)),
+                MapEntry::Occupied(_) => repeated.push(place),
+            }
+        }
+        Self { all, places, repeated }
+    }
+
+    /// The first variant of a name.
+    pub fn named(&self, name: &str) -> Option<&VariantEntry> {
+        self.all.get(*self.places.get(name)?)
+    }
 }
 
 impl Parse for VariantEntry {

@@ -54,7 +54,7 @@ mod view_entry;
 
 pub use assemble::{Assembled, assemble, assemble_without};
 pub use files::{DiskFiles, EmbeddedFiles, Files, SceneFiles};
-pub use resolve::{LoadOptions, load, load_bytes, load_text};
+pub use resolve::{LoadOptions, ParsedScene, load, load_bytes, load_text};
 pub use resolved::ResolvedScene;
 pub use run_limits::RunLimits;
 

@@ -103,6 +103,49 @@ fn load_shared_text(
     let most = InputLimit::SceneBytes;
     limits.check(most, text.len() as u64, ErrorKind::InvalidScene)?;
     let own = SceneFile::parse(path, text, &report)?;
+    resolve_file(own, files, options, report)
+}
+
+/// A scene file that is parsed once and loaded several times, as its variants are.
+#[derive(Clone, Debug)]
+pub struct ParsedScene(Arc<(SceneFile, Vec<String>)>);
+
+impl ParsedScene {
+    /// Keeps a file that was read; `None` where the report about it has mistakes, which each load
+    /// of the file is to return.
+    pub fn keep(file: &SceneFile, report: &Diagnostics) -> Option<Self> {
+        let notes = report.take_notes();
+        report.is_empty().then(|| Self(Arc::new((file.clone(), notes))))
+    }
+
+    /// Resolves the file as [`load`] does, without reading it again.
+    ///
+    /// # Errors
+    /// As [`load`].
+    pub fn load(&self, files: &dyn Files, options: &LoadOptions) -> Result<ResolvedScene> {
+        let (file, notes) = &*self.0;
+        let report = Diagnostics::within(files.limits());
+        notes.iter().for_each(|note| report.note(note.clone()));
+        resolve_file(file.clone(), files, options, report)
+    }
+}
+
+/// Two files are equal if they have the same path and text.
+impl PartialEq for ParsedScene {
+    fn eq(&self, other: &Self) -> bool {
+        self.0.0.source() == other.0.0.source()
+    }
+}
+
+impl Eq for ParsedScene {}
+
+/// Reads what a file includes, and resolves them; `report` is that of its parsing.
+fn resolve_file(
+    own: SceneFile,
+    files: &dyn Files,
+    options: &LoadOptions,
+    report: Diagnostics,
+) -> Result<ResolvedScene> {
     let files = Counted::new(files);
     let mut parts = Vec::new();
     include(own, &files, &report, &mut Vec::new(), &mut parts);
@@ -253,7 +296,7 @@ impl<'a> Resolver<'a> {
             read_early: RefCell::default(),
             loaded: RefCell::default(),
         };
-        let mut variants = Vec::new();
+        let mut variants = Arc::default();
         for part in parts {
             // The last part is the scene's own file, whose variants are used.
             variants = part.variants;
@@ -280,13 +323,13 @@ impl<'a> Resolver<'a> {
                 all.rays = part.rays;
             }
         }
-        if let Some(variant) = chosen_variant(options, variants, report) {
+        if let Some(variant) = chosen_variant(options, &variants, report) {
             let unknown = |entry: &Entry<ShaderEntry>| all.shader_entries.get(&entry.name.value).is_none();
             for entry in variant.shaders.iter().filter(|entry| unknown(entry)) {
                 let message = format!("no shader `{}` to replace", entry.name.value);
                 report.push(entry.name.span.error(message));
             }
-            all.shader_entries.merge(variant.shaders);
+            all.shader_entries.merge(variant.shaders.clone());
         }
         all.precision = options.precision.unwrap_or(all.precision);
         if let Some([width, height]) = options.size {

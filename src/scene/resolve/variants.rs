@@ -1,36 +1,32 @@
 //! Variants of a scene: other shaders for the same launch.
 
-use rustc_hash::FxHashSet;
-
 use crate::error::names::list_of;
 use crate::error::{Error, ErrorKind};
-use crate::scene::file::VariantEntry;
+use crate::scene::file::{VariantEntry, Variants};
 use crate::scene::read::Diagnostics;
 use crate::scene::resolve::LoadOptions;
 
 /// The variant that the options name.
-pub(super) fn chosen_variant(
+pub(super) fn chosen_variant<'a>(
     options: &LoadOptions,
-    variants: Vec<VariantEntry>,
+    variants: &'a Variants,
     report: &Diagnostics,
-) -> Option<VariantEntry> {
-    let mut names = FxHashSet::default();
-    for variant in &variants {
-        if !names.insert(variant.name.value.as_str()) {
-            let message = format!("two variants are named `{}`", variant.name.value);
-            report.push(variant.name.span.error(message));
-        }
+) -> Option<&'a VariantEntry> {
+    for variant in variants.repeated.iter().map(|&place| &variants.all[place]) {
+        let message = format!("two variants are named `{}`", variant.name.value);
+        report.push(variant.name.span.error(message));
     }
     let wanted = options.variant.as_ref()?;
-    if !names.contains(wanted.as_str()) {
-        let names = list_of(variants.iter().map(|variant| variant.name.value.as_str()));
+    let chosen = variants.named(wanted);
+    if chosen.is_none() {
+        let names = list_of(variants.all.iter().map(|variant| variant.name.value.as_str()));
         let error = Error::new(ErrorKind::InvalidArgument, format!("the scene has no variant `{wanted}`"));
         report.push(match names.is_empty() {
             true => error.note("declare variants with `[[variant]]` in the scene file"),
             false => error.note(format!("available: {names}")),
         });
     }
-    variants.into_iter().find(|variant| variant.name.value == *wanted)
+    chosen
 }
 
 #[cfg(test)]
