@@ -5,8 +5,8 @@ use std::sync::Arc;
 
 use anyhit::internals::accel::{
     Blas, Candidate, Committed, Counters, Cursor, EndCaps, Geometry, GeometryData, GeometryFlags,
-    HitPrimitive, Indexing, InstanceVerdict, PrimitiveVerdict, RayFlags, Tlas, TlasInstance, TraceRay,
-    TraversalObserver,
+    HitPrimitive, Indexing, InstanceVerdict, PrimitiveVerdict, RayFlags, TestCounts, Tlas, TlasInstance,
+    TraceRay, TraversalObserver,
 };
 use anyhit::internals::machine::Resources;
 use anyhit::internals::math::random::Random;
@@ -233,21 +233,66 @@ fn crowd(kind: usize, flags: GeometryFlags) -> Arc<Blas> {
     Blas::new(vec![Geometry::new(data, flags)]).expect("legal primitives")
 }
 
+/// Rays through the middle of a crowd: from inside, where a ray begins in several boxes at once,
+/// and from outside.
+fn rays_through_a_crowd() -> Vec<TraceRay> {
+    let mut random = Random::new(3);
+    let mut point = |size: f32| [0; 3].map(|_| size * (random.unit() - 0.5));
+    let rays = (0..60).map(|at| {
+        let origin = point(if at % 2 == 0 { 6.0 } else { 20.0 });
+        let to = point(6.0);
+        let direction = [0, 1, 2].map(|axis| to[axis] - origin[axis]);
+        TraceRay { ray: Ray::new(origin, direction), ..ray(0.0, 0.0) }
+    });
+    rays.collect()
+}
+
+/// Counts are those of an explained ray: of whole leaves, of primitives that are split, and of
+/// those that the ray's flags cull.
+#[test]
+fn counts_are_those_of_an_explained_ray() -> Result<()> {
+    const FLAGS: [RayFlags; 5] = [
+        RayFlags(0),
+        RayFlags::CULL_OPAQUE,
+        RayFlags::CULL_NO_OPAQUE,
+        RayFlags::TERMINATE_ON_FIRST_HIT,
+        RayFlags::CULL_BACK_FACING_TRIANGLES,
+    ];
+    let mut turned = IDENTITY;
+    turned[0] = [0.3, -0.7, 0.1, 0.5];
+    let crowds = (0..4).flat_map(|kind| {
+        [GeometryFlags::OPAQUE, GeometryFlags::default()].map(|flags| (kind, crowd(kind, flags)))
+    });
+    let few = spheres(7, GeometryFlags::default());
+    for (kind, blas) in crowds.chain([(4, few)]) {
+        for matrix in [IDENTITY, turned] {
+            let tlas = Tlas::new(vec![TlasInstance::of(blas.clone(), matrix)])?;
+            let mut sum = TestCounts::default();
+            for flags in FLAGS {
+                for one in rays_through_a_crowd() {
+                    let trace = TraceRay { flags, ..one };
+                    let told = explain(&tlas, trace);
+                    let lines =
+                        |begin: &str| told.iter().filter(|line| line.starts_with(begin)).count() as u64;
+                    let wanted = TestCounts { nodes: lines("node"), primitives: lines("HitPrimitive") };
+                    let (mut counts, mut cursor) = (TestCounts::default(), Cursor::new(&tlas, trace));
+                    while cursor.proceed_counted(&tlas, &mut counts).is_some() {}
+                    assert_eq!(counts, wanted, "kind {kind}, flags {flags:?}, {:?}", trace.ray);
+                    sum.nodes += counts.nodes;
+                    sum.primitives += counts.primitives;
+                }
+            }
+            assert!(kind == 4 || sum.nodes > 100 && sum.primitives > 100, "kind {kind}: {sum:?}");
+        }
+    }
+    Ok(())
+}
+
 /// A ray that is explained sees in the parts that are built for it what it sees in the whole BVH,
 /// whatever rays came before it.
 #[test]
 fn an_explained_ray_is_told_the_same_of_a_part() -> Result<()> {
-    let mut random = Random::new(3);
-    let mut point = |size: f32| [0; 3].map(|_| size * (random.unit() - 0.5));
-    let rays: Vec<TraceRay> = (0..60)
-        .map(|at| {
-            // From inside, where a ray begins in several boxes at once, and from outside.
-            let origin = point(if at % 2 == 0 { 6.0 } else { 20.0 });
-            let to = point(6.0);
-            let direction = [0, 1, 2].map(|axis| to[axis] - origin[axis]);
-            TraceRay { ray: Ray::new(origin, direction), ..ray(0.0, 0.0) }
-        })
-        .collect();
+    let rays = rays_through_a_crowd();
     let mut turned = IDENTITY;
     turned[0] = [0.3, -0.7, 0.1, 0.5];
     turned[1] = [0.7, 0.3, 0.2, 0.0];

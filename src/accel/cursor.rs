@@ -31,7 +31,7 @@ use crate::accel::drawn_hits::{DrawnHits, TraversalSeeds};
 use crate::accel::flags::RayFlags;
 use crate::accel::hit::{Candidate, Committed, HitKey, HitKind};
 use crate::accel::hit_queue::HitQueue;
-use crate::accel::observer::TraversalObserver;
+use crate::accel::observer::{TestCounts, TraversalObserver};
 use crate::accel::tlas::Tlas;
 use crate::accel::trace_ray::TraceRay;
 use crate::accel::traversal::{TraversalState, TraversalTask};
@@ -249,6 +249,12 @@ impl Cursor {
         }
     }
 
+    /// Continues as [`Cursor::proceed`] does, and counts the nodes and primitives that it tests: as
+    /// many as an observer sees that explains misses.
+    pub fn proceed_counted(&mut self, tlas: &Tlas, counts: &mut TestCounts) -> Option<Candidate> {
+        self.proceed_as(tlas, counts)
+    }
+
     fn proceed_as<V: TraversalObserver>(&mut self, tlas: &Tlas, observer: &mut V) -> Option<Candidate> {
         let start = match self.state {
             State::Fresh => true,
@@ -400,7 +406,7 @@ impl Cursor {
     ) -> bool {
         let (traversal, hits, trace) = self.parts();
         let task = TraversalTask::<V, FULLY_OPAQUE> { traversal, hits, trace, tlas, observer, start };
-        if V::is_active() { BaselineSimd.dispatch(task) } else { tlas.cpu_tier().run(task) }
+        if V::is_fast() { tlas.cpu_tier().run(task) } else { BaselineSimd.dispatch(task) }
     }
 
     /// Commits the closest opaque hit and ends the traversal: no candidate precedes it.

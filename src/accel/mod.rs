@@ -63,7 +63,7 @@ pub use instance::TlasInstance;
 pub use look_ahead::LookAhead;
 pub use micromap::OpacityMicromap;
 pub use motion::{Motion, Srt};
-pub use observer::{Counters, InstanceVerdict, PrimitiveVerdict, TraversalObserver};
+pub use observer::{Counters, InstanceVerdict, PrimitiveVerdict, TestCounts, TraversalObserver};
 pub use packet::Packet;
 pub use primitive::Primitive;
 pub use record_index::RecordIndex;

@@ -8,6 +8,15 @@ use crate::geometry::Intersection;
 /// Primitives that the BVH culls are not reported: those in boxes that the ray misses, and those
 /// behind a hit that is known already.
 pub trait TraversalObserver {
+    /// Whether a traversal with observers of this type is compiled for each instruction set, and
+    /// not for the baseline alone.
+    fn is_fast() -> bool
+    where
+        Self: Sized,
+    {
+        false
+    }
+
     /// Whether observers of this type are told anything: a constant of the type, so that all that
     /// only an observer needs compiles away.
     fn is_active() -> bool
@@ -20,6 +29,13 @@ pub trait TraversalObserver {
     /// Whether the observer wants to know why a primitive is not hit. Then nothing is culled within
     /// a leaf, and each primitive that is not hit is tested a second time.
     fn explains_misses(&self) -> bool {
+        false
+    }
+
+    /// Whether an observer that [explains misses](Self::explains_misses) only counts what it would
+    /// see: primitives that are tested together are then reported by
+    /// [`missed`](Self::missed), and none is tested a second time.
+    fn only_counts(&self) -> bool {
         false
     }
 
@@ -38,7 +54,8 @@ pub trait TraversalObserver {
     /// A primitive was tested.
     fn primitive(&mut self, _hit_primitive: HitPrimitive, _verdict: PrimitiveVerdict) {}
 
-    /// `count` primitives were tested together and missed; reported only where nobody asks why.
+    /// `count` primitives were tested together and missed, or cannot be hit; reported only where
+    /// nobody asks why.
     fn missed(&mut self, _count: u32) {}
 
     /// A candidate is handed to the shaders.
@@ -52,6 +69,10 @@ pub trait TraversalObserver {
 }
 
 impl TraversalObserver for () {
+    fn is_fast() -> bool {
+        true
+    }
+
     fn is_active() -> bool {
         false
     }
@@ -142,10 +163,55 @@ impl TraversalObserver for Counters {
     }
 }
 
-/// Any observer, as a trait object: of all observers, traversal is compiled for this one only.
+/// Counts the nodes and primitives that an observer sees that explains misses.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct TestCounts {
+    /// Nodes opened.
+    pub nodes: u64,
+    /// Primitives tested.
+    pub primitives: u64,
+}
+
+impl TraversalObserver for TestCounts {
+    fn is_fast() -> bool {
+        true
+    }
+
+    #[inline(always)]
+    fn explains_misses(&self) -> bool {
+        true
+    }
+
+    #[inline(always)]
+    fn only_counts(&self) -> bool {
+        true
+    }
+
+    #[inline(always)]
+    fn node(&mut self, _: Option<u32>) {
+        self.nodes += 1;
+    }
+
+    #[inline(always)]
+    fn primitive(&mut self, _: HitPrimitive, _: PrimitiveVerdict) {
+        self.primitives += 1;
+    }
+
+    #[inline(always)]
+    fn missed(&mut self, count: u32) {
+        self.primitives += u64::from(count);
+    }
+}
+
+/// Any observer, as a trait object: of all observers but [`TestCounts`], traversal is compiled for
+/// this one only.
 impl TraversalObserver for &mut dyn TraversalObserver {
     fn explains_misses(&self) -> bool {
         (**self).explains_misses()
+    }
+
+    fn only_counts(&self) -> bool {
+        (**self).only_counts()
     }
 
     fn wants_all_hits(&self) -> bool {

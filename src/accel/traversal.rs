@@ -370,11 +370,19 @@ impl<V: TraversalObserver, const FULLY_OPAQUE: bool> Traversal<'_, V, FULLY_OPAQ
         }
     }
 
+    /// Whether the observer sees each primitive of a leaf by itself. Where primitives are split,
+    /// only those are counted that have not been seen before.
+    #[inline(always)]
+    fn tests_each(&self, built: &BuiltBlas) -> bool {
+        self.observer.explains_misses() && (!self.observer.only_counts() || built.has_split_primitives())
+    }
+
     /// A mask of the primitives of a leaf that the ray may hit.
     #[inline(always)]
     fn maybe_hit_mask<E: LaneOps>(&mut self, simd: E, built: &BuiltBlas, leaf: NodeRef) -> u32 {
+        let tests_each = self.tests_each(built);
         let instance_ray = &mut self.traversal.instance_ray;
-        let maybe_hit = if self.observer.explains_misses() {
+        let maybe_hit = if tests_each {
             built.full_mask(leaf)
         } else if built.tests_whole_leaves(self.tlas.precision()) {
             let mut ray = instance_ray.leaf_ray::<false>(self.tlas, self.trace);
@@ -410,7 +418,10 @@ impl<V: TraversalObserver, const FULLY_OPAQUE: bool> Traversal<'_, V, FULLY_OPAQ
             };
             let mut opaque = FULLY_OPAQUE || is_opaque(flags, instance.flags, geometry_flags);
             let mut culled = is_culled_by_opacity(flags, opaque);
-            if culled && micromap.is_none() && !self.observer.explains_misses() {
+            if culled && micromap.is_none() && !self.tests_each(built) {
+                if self.observer.only_counts() {
+                    self.observer.missed(1);
+                }
                 continue;
             }
             let at = (number, leaf, lane);
@@ -423,7 +434,7 @@ impl<V: TraversalObserver, const FULLY_OPAQUE: bool> Traversal<'_, V, FULLY_OPAQ
             let leaf_hit = self
                 .leaf_hits
                 .hit(lane)
-                .filter(|_| !self.observer.explains_misses() && built.tests_whole_leaves(precision));
+                .filter(|_| !self.tests_each(built) && built.tests_whole_leaves(precision));
             let found = match leaf_hit {
                 None => {
                     let ray = self.traversal.instance_ray.object_ray(self.tlas, self.trace);
@@ -434,7 +445,7 @@ impl<V: TraversalObserver, const FULLY_OPAQUE: bool> Traversal<'_, V, FULLY_OPAQ
             let Some(found) = found.filter(|found| V::is_active() || found.t <= self.hits.cull_t) else {
                 // Where nobody asks, the number of what was missed is not read.
                 if V::is_active() {
-                    let verdict = if self.observer.explains_misses() {
+                    let verdict = if self.observer.explains_misses() && !self.observer.only_counts() {
                         let ray = self.traversal.instance_ray.object_ray(self.tlas, self.trace);
                         missed_or_outside(self.tlas, built, at, ray, self.trace.time)
                     } else {

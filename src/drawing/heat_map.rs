@@ -20,6 +20,9 @@ const TICKS: u32 = 4;
 /// The least width of the legend, and of the plane above it: small ones are magnified.
 const LEAST_WIDTH: u32 = 320;
 
+/// Counts below this number have their colours computed once for a plane.
+const REMEMBERED_COUNTS: usize = 1 << 14;
+
 /// How a number becomes a colour.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum HeatScale {
@@ -46,7 +49,17 @@ impl HeatMap<'_> {
     /// The colours of the numbers, a pixel each.
     pub fn plane(&self) -> Rgba8 {
         let opaque = |[r, g, b]: [u8; 3]| [r, g, b, 255];
-        let pixels = self.values.iter().flat_map(|&value| opaque(self.colour(value))).collect();
+        // Most numbers are counts, of which many pixels have the same.
+        let mut of_counts = vec![None; REMEMBERED_COUNTS];
+        let mut colour = |value: f64| {
+            let count = value as usize;
+            match of_counts.get_mut(count).filter(|_| count as f64 == value) {
+                Some(known) => *known.get_or_insert_with(|| self.colour(value)),
+                None => self.colour(value),
+            }
+        };
+        let mut pixels = Vec::with_capacity(4 * self.values.len());
+        self.values.iter().for_each(|&value| pixels.extend_from_slice(&opaque(colour(value))));
         Rgba8 { extent: self.extent, pixels }
     }
 

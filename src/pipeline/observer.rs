@@ -4,7 +4,9 @@ use std::sync::Arc;
 
 use crate::accel::hit::HitPrimitive;
 use crate::accel::observer::{InstanceVerdict, PrimitiveVerdict};
-use crate::accel::{Candidate, Committed, HitKind, RecordIndex, Tlas, TraceRay, TraversalObserver};
+use crate::accel::{
+    Candidate, Committed, HitKind, RecordIndex, TestCounts, Tlas, TraceRay, TraversalObserver,
+};
 use crate::machine::{Buffer, Exit, OpIndex, RayQueryEvent, Reg, ShaderIndex};
 use crate::module::interface::Stage;
 use crate::ops::builtin::Builtin;
@@ -23,6 +25,18 @@ pub trait PipelineObserver {
         true
     }
 
+    /// Whether [`tests`](Self::tests) is called with the numbers of nodes and primitives that a
+    /// traversal tests, in place of all events of traces and traversals.
+    fn counts_tests(&self) -> bool {
+        false
+    }
+
+    /// Whether events hold payloads, builtins, hit attributes and push constants, which are empty
+    /// otherwise.
+    fn observes_values(&self) -> bool {
+        true
+    }
+
     /// Whether ray queries report every node, instance and primitive that they test.
     fn observes_query_traversal(&self) -> bool {
         false
@@ -33,6 +47,10 @@ pub trait PipelineObserver {
 
     /// Receives an event.
     fn event(&mut self, event: Event);
+
+    /// Receives the numbers of nodes and primitives that a traversal of the last announced
+    /// invocation has tested, up to a candidate or to its end.
+    fn tests(&mut self, _counts: TestCounts) {}
 
     /// Announces that the last announced invocation selects a null shader, so that none runs. The
     /// observer may write the words that a shader would have left in the payload or callable data

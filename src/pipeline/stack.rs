@@ -380,23 +380,28 @@ where
         if let Some(observer) = &mut self.pipeline_observer {
             running.batch.queries.events = observer.observes_queries().then(Vec::new);
             running.batch.queries.records_traversal = observer.observes_query_traversal();
+            let has_values = observer.observes_values();
+            let inputs = if has_values { &program.inputs[..] } else { &[] };
+            let push_constants = self.bindings[running.shader.index()].push_constants.as_ref();
+            let push_constants = push_constants.filter(|_| has_values);
             for lane in mask.lanes() {
                 let read =
                     |first: Reg, count| running.batch.registers.lane_words(first, count, lane).collect();
-                let words =
-                    |span: Option<RegSpan>| span.map_or_else(Vec::new, |span| read(span.first, span.count));
+                let words = |span: Option<RegSpan>| {
+                    let span = span.filter(|_| has_values);
+                    span.map_or_else(Vec::new, |span| read(span.first, span.count))
+                };
                 observer.invocation(running.batch.invocations.launch_id(lane));
                 observer.event(Event::Enter {
                     shader: running.shader,
                     stage: program.stage,
-                    builtins: program
-                        .inputs
+                    builtins: inputs
                         .iter()
                         .map(|input| (input.builtin, read(input.first, input.count)))
                         .collect(),
                     payload: words(running.data),
                     attributes: words(running.attributes),
-                    push_constants: self.bindings[running.shader.index()].push_constants.clone(),
+                    push_constants: push_constants.cloned(),
                 });
             }
         }
@@ -455,7 +460,8 @@ where
                 self.trap(&running, lane, trap);
             }
             if let Some(observer) = &mut self.pipeline_observer {
-                let payload = running.data.map_or_else(Vec::new, |span| {
+                let data = running.data.filter(|_| observer.observes_values());
+                let payload = data.map_or_else(Vec::new, |span| {
                     running.batch.registers.lane_words(span.first, span.count, lane).collect()
                 });
                 let (shader, stage) = (running.shader, program.stage);

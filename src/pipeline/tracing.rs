@@ -147,7 +147,9 @@ where
     ) {
         self.stats.rays += u64::from(trace.lanes().count());
         self.stats.zero_directions += u64::from((trace.rays.without_direction() & trace.lanes()).count());
-        if let Some(observer) = &mut self.pipeline_observer {
+        if let Some(observer) = &mut self.pipeline_observer
+            && !observer.counts_tests()
+        {
             for lane in trace.lanes().lanes() {
                 let registers = trace.payload(&mut self.frames);
                 let words = registers.lane_words(payload.first, payload.count, lane).collect();
@@ -199,6 +201,7 @@ where
         self.stats = std::mem::take(&mut self.stats).plus(&trace.stats);
         if let Some(observer) = &mut self.pipeline_observer
             && !trace.from_hit_objects
+            && !observer.counts_tests()
         {
             for lane in trace.lanes().lanes() {
                 let registers = trace.payload(&mut self.frames);

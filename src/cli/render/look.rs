@@ -27,6 +27,7 @@ use crate::harness::stability::deep_copy;
 use crate::harness::stability::shadow::texel_errors;
 use crate::input::{InputLimit, read_argument};
 use crate::machine::image::Image;
+use crate::pipeline::map_on_threads;
 use crate::scene::image::{Picture, PictureKind, PixelEncoding, Rgba8, write_picture};
 use crate::scene::{Assembled, Files, ResolvedScene};
 use crate::sorted::json_object;
@@ -229,20 +230,18 @@ impl LookArgs {
             return Err(invalid(message)
                 .note("a page requires an image with a pixel per invocation; `--pass` selects a launch"));
         }
-        let mut layers = Vec::new();
-        for measure in HeatMeasure::ALL {
+        let layer = |at: usize| {
+            let measure = HeatMeasure::ALL[at];
             let own = match heat {
-                Some(heat) if heat.measure == measure => Ok(heat.clone()),
-                _ if measure == HeatMeasure::Ulps => continue,
-                _ => cost.heat(measure),
-            };
-            let top = self.heat_max.filter(|_| self.heat == Some(measure));
-            match own {
-                Ok(own) => layers.push(heat_layer(&own, top)?),
+                Some(heat) if heat.measure == measure => heat.clone(),
+                _ if measure == HeatMeasure::Ulps => return None,
                 // What cannot be counted of this launch is no layer.
-                Err(_) => continue,
-            }
-        }
+                _ => cost.heat(measure).ok()?,
+            };
+            Some(heat_layer(&own, self.heat_max.filter(|_| self.heat == Some(measure))))
+        };
+        let layers = map_on_threads(HeatMeasure::ALL.len(), layer).into_iter().flatten();
+        let mut layers = layers.collect::<Result<Vec<_>>>()?;
         let shown = heat.map(|heat| heat.measure.name().to_owned());
         let mut pictures = vec![PagePicture::new(name, &found)?];
         let mut wanted: Vec<[u32; 2]> = Vec::new();

@@ -3,6 +3,7 @@
 use std::cell::RefCell;
 use std::sync::{Mutex, PoisonError};
 
+use crate::accel::TestCounts;
 use crate::error::Result;
 use crate::harness::cost::instructions;
 use crate::harness::pixel_cost::call_tree::{Call, CallIndex, CallSite, CallTree};
@@ -100,10 +101,25 @@ impl PipelineObserver for Events<'_> {
         true
     }
 
+    fn counts_tests(&self) -> bool {
+        true
+    }
+
+    fn observes_values(&self) -> bool {
+        false
+    }
+
     fn invocation(&mut self, launch_id: [u32; 3]) {
         let [x, y, z] = launch_id.map(|axis| axis as usize);
         let [width, height, _] = self.0.size.map(|side| side as usize);
         self.0.state.borrow_mut().invocation = (z * height + y) * width + x;
+    }
+
+    fn tests(&mut self, counts: TestCounts) {
+        let state = &mut *self.0.state.borrow_mut();
+        let pixel = &mut state.pixels[state.invocation - state.first];
+        pixel.nodes += counts.nodes;
+        pixel.primitives += counts.primitives;
     }
 
     fn event(&mut self, event: Event) {
@@ -111,8 +127,6 @@ impl PipelineObserver for Events<'_> {
         let pixel = &mut state.pixels[state.invocation - state.first];
         let stack = &mut state.stacks[state.invocation % LANES];
         match event {
-            Event::Node(_) => pixel.nodes += 1,
-            Event::Primitive(..) => pixel.primitives += 1,
             Event::RayQuery(event) => match event.step {
                 RayQueryStep::Node(_) => pixel.nodes += 1,
                 RayQueryStep::Primitive(..) => pixel.primitives += 1,

@@ -110,7 +110,42 @@ fn check(single: &SingleLaunch<'_>) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::pipeline::{Event, PipelineObserver};
     use crate::scene::{LoadOptions, assemble, demo};
+
+    /// Counts the events of traversals that are explained.
+    struct ExplainedTests {
+        width: usize,
+        at: usize,
+        counts: Vec<[u64; 2]>,
+    }
+
+    impl PipelineObserver for ExplainedTests {
+        fn invocation(&mut self, [x, y, _]: [u32; 3]) {
+            self.at = y as usize * self.width + x as usize;
+        }
+
+        fn event(&mut self, event: Event) {
+            match event {
+                Event::Node(_) => self.counts[self.at][0] += 1,
+                Event::Primitive(..) => self.counts[self.at][1] += 1,
+                _ => {}
+            }
+        }
+    }
+
+    #[test]
+    fn nodes_and_primitives_are_those_of_explained_rays() {
+        let options = LoadOptions { size: Some([96, 40]), ..LoadOptions::default() };
+        let assembled = assemble(&demo::scene(&options).expect("the demo")).expect("a scene");
+        let single = assembled.single_launch(None).expect("a launch");
+        let mut explained = ExplainedTests { width: 96, at: 0, counts: vec![[0; 2]; 96 * 40] };
+        let launch = Launch { pipeline: &single.pipeline, resources: &assembled.resources };
+        launch.run_observed(single.size, &mut explained, &mut ()).expect("it runs");
+        let cost = measure(&assembled, &single, &assembled.resources).expect("it runs");
+        let counts: Vec<_> = cost.pixels.iter().map(|pixel| [pixel.nodes, pixel.primitives]).collect();
+        assert!(counts == explained.counts);
+    }
 
     #[test]
     fn counts_do_not_depend_on_threads() {

@@ -55,6 +55,7 @@ impl<const W: usize> Trace<W> {
             }
             if let Some(observer) = observer
                 && !self.from_hit_objects
+                && !observer.counts_tests()
             {
                 for lane in lanes.lanes() {
                     let shader = shader.filter(|_| called.contains(lane));

@@ -1,6 +1,6 @@
 //! The traversal of the rays of a trace, up to each candidate that a shader decides on.
 
-use crate::accel::{Candidate, Cursor, RayFlags, RecordIndex, TraceRay};
+use crate::accel::{Candidate, Cursor, RayFlags, RecordIndex, TestCounts, TraceRay};
 use crate::machine::{Mask, OpenChoices, ShaderIndex, TrapCode};
 use crate::module::interface::Stage;
 use crate::pipeline::Pipeline;
@@ -132,6 +132,12 @@ impl<const W: usize> Trace<W> {
                 let cursor = self.cursors[lane].as_mut().expect("bug in anyhit: a ray without a traversal");
                 let next = match observer {
                     None => cursor.proceed(tlas),
+                    Some(observer) if observer.counts_tests() => {
+                        let mut counts = TestCounts::default();
+                        let next = cursor.proceed_counted(tlas, &mut counts);
+                        observer.tests(counts);
+                        next
+                    }
                     Some(observer) => cursor.proceed_observed(tlas, &mut TraversalAdapter::new(*observer)),
                 };
                 let Some(candidate) = next else {
@@ -145,7 +151,9 @@ impl<const W: usize> Trace<W> {
                 let CandidateShader { shader, takes_payload, is_empty, is_beyond_end, .. } = *known.insert(
                     found.unwrap_or_else(|| self.candidate_shader(pipeline, index, candidate.is_box())),
                 );
-                if let Some(observer) = observer {
+                if let Some(observer) = observer
+                    && !observer.counts_tests()
+                {
                     let instance = &self.tlas(lane).instances()[candidate.instance as usize];
                     let arithmetic = [
                         instance.sbt_record_offset,
