@@ -34,8 +34,7 @@ pub fn curves() -> Vec<Curve> {
             let ray = |at| format!("[[ray]]\npixel = [{at}, 0]\n{expect}\n\n");
             run_rays(folder, &SceneText { launch: sides(n), ..SceneText::with(each(16, ray)) })
         })
-        .time(Growth::Constant)
-        .known("each ray zeroes its copy of the picture"),
+        .time(Growth::Constant),
         Curve::linear("test: launched pixels", PIXELS, |folder, n| {
             let more = format!("[expect.stats]\nrays = {n}\nbecause = \"one for each pixel\"\n");
             SceneText { more, ..SceneText::picture(n) }.write(folder);

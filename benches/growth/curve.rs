@@ -18,8 +18,6 @@ pub(crate) struct Curve {
     pub time: Growth,
     /// Accepted growth of the memory.
     pub memory: Growth,
-    /// Reason why the time or the memory is known to grow faster: as the square at most.
-    pub known: Option<&'static str>,
     /// Writes inputs of a size to a folder, which is empty, and returns the work on them.
     pub prepare: Prepare,
 }
@@ -32,7 +30,7 @@ impl Curve {
         prepare: impl Fn(&Path, usize) -> Work + 'static,
     ) -> Self {
         let (time, memory) = (Growth::Linear, Growth::Linear);
-        Self { name, sizes, time, memory, known: None, prepare: Box::new(prepare) }
+        Self { name, sizes, time, memory, prepare: Box::new(prepare) }
     }
 
     /// This curve with another accepted growth of the time.
@@ -45,17 +43,9 @@ impl Curve {
         Self { memory, ..self }
     }
 
-    /// This curve with a known reason to grow faster.
-    pub fn known(self, reason: &'static str) -> Self {
-        Self { known: Some(reason), ..self }
-    }
-
     /// Largest accepted exponents of time and memory.
     fn limits(&self) -> [f64; 2] {
-        match self.known {
-            Some(_) => [SQUARE; 2],
-            None => [self.time, self.memory].map(Growth::limit),
-        }
+        [self.time, self.memory].map(Growth::limit)
     }
 
     /// Measures the sizes, or the smallest one once.
@@ -83,9 +73,6 @@ pub(crate) struct Measured {
     /// Whether each cost includes the start of a process.
     is_command: bool,
 }
-
-/// Largest accepted exponent of a cost that is known to grow as the square.
-const SQUARE: f64 = 2.15;
 
 impl Measured {
     /// Exponents of time and memory.
@@ -140,11 +127,7 @@ impl Measured {
         let [time, memory] = self.exponents(curve);
         let each = self.points.last().map_or(0.0, |(size, cost)| cost.bytes / *size as f64);
         let each = if each < 10.0 { format!("{each:.1}") } else { format!("{each:.0}") };
-        let verdict = match (self.is_accepted(curve), curve.known) {
-            (false, _) => "NO".to_owned(),
-            (true, None) => "yes".to_owned(),
-            (true, Some(reason)) => format!("no, {reason}"),
-        };
+        let verdict = if self.is_accepted(curve) { "yes" } else { "NO" };
         let wanted = match curve.time == curve.memory {
             true => curve.time.name().to_owned(),
             false => format!("{}, memory {}", curve.time.name(), curve.memory.name()),

@@ -1,11 +1,12 @@
-//! The memory of an image. What nothing was stored to is neither touched, copied nor compared: of a
-//! picture of which one pixel is looked at, almost all.
+//! The memory of an image. What nothing was stored to is neither allocated, copied nor compared,
+//! where it began as zeros: of a picture of which one pixel is looked at, almost all.
 
 use std::ops::Range;
+use std::sync::OnceLock;
 use std::sync::atomic::Ordering::Relaxed;
 use std::sync::atomic::{AtomicBool, AtomicU64};
 
-use bytemuck::allocation::try_zeroed_slice_box;
+use bytemuck::allocation::{try_zeroed_slice_box, zeroed_box};
 
 use crate::input::threads;
 use crate::machine::format::Format;
@@ -16,12 +17,22 @@ const BLOCK_WORDS: usize = 512;
 /// The words that hold the texels of an image, and which of them may have been stored to.
 #[derive(Debug)]
 pub(super) struct ImageWords {
-    words: Box<[AtomicU64]>,
+    memory: Memory,
     /// What they were at first, in turn, where they all followed one pattern.
     fill: Option<[u64; 2]>,
-    /// Whether anything was stored to a block of words.
-    stored: Box<[AtomicBool]>,
 }
+
+/// The memory of an image's words.
+#[derive(Debug)]
+enum Memory {
+    /// All words, and for each block whether anything was stored to it.
+    Whole { words: Box<[AtomicU64]>, stored: Box<[AtomicBool]> },
+    /// A number of words that were zeros at first: the blocks that something was stored to.
+    Zeros { count: usize, blocks: Box<[OnceLock<Box<Block>>]> },
+}
+
+/// The words of a block, the last of which may be beyond the image.
+type Block = [AtomicU64; BLOCK_WORDS];
 
 /// What the texels of an image were at one time.
 #[derive(Debug)]
@@ -59,7 +70,11 @@ impl ImageWords {
     /// A number of words that are a pattern's in turn; `None` where there is no memory for them.
     pub(super) fn filled(count: usize, fill: [u64; 2]) -> Option<Self> {
         if fill == [0; 2] {
-            return Self::of(try_zeroed_slice_box(count).ok()?, Some(fill));
+            let mut blocks = Vec::new();
+            blocks.try_reserve_exact(count.div_ceil(BLOCK_WORDS)).ok()?;
+            blocks.resize_with(count.div_ceil(BLOCK_WORDS), OnceLock::new);
+            let memory = Memory::Zeros { count, blocks: blocks.into_boxed_slice() };
+            return Some(Self { memory, fill: Some(fill) });
         }
         let filled = Self::new((0..count).map(|at| fill[at % 2]))?;
         Some(Self { fill: Some(fill), ..filled })
@@ -67,56 +82,83 @@ impl ImageWords {
 
     fn of(words: Box<[AtomicU64]>, fill: Option<[u64; 2]>) -> Option<Self> {
         let stored = try_zeroed_slice_box(words.len().div_ceil(BLOCK_WORDS)).ok()?;
-        Some(Self { words, fill, stored })
+        Some(Self { memory: Memory::Whole { words, stored }, fill })
+    }
+
+    /// The number of words.
+    fn len(&self) -> usize {
+        match &self.memory {
+            Memory::Whole { words, .. } => words.len(),
+            Memory::Zeros { count, .. } => *count,
+        }
+    }
+
+    /// The number of blocks.
+    fn block_count(&self) -> usize {
+        self.len().div_ceil(BLOCK_WORDS)
     }
 
     #[inline]
     pub(super) fn load(&self, at: usize) -> u64 {
-        self.words[at].load(Relaxed)
+        match &self.memory {
+            Memory::Whole { words, .. } => words[at].load(Relaxed),
+            Memory::Zeros { blocks, .. } => {
+                let block = blocks[at / BLOCK_WORDS].get();
+                block.map_or(0, |words| words[at % BLOCK_WORDS].load(Relaxed))
+            }
+        }
     }
 
     #[inline]
     pub(super) fn store(&self, at: usize, word: u64) {
-        self.mark(at);
-        self.words[at].store(word, Relaxed);
+        self.word_to_store(at).store(word, Relaxed);
     }
 
     /// Atomically replaces a word by a function of it, and returns the old one. It stays where the
     /// function returns `None`.
     #[inline]
     pub(super) fn update(&self, at: usize, replace: impl FnMut(u64) -> Option<u64>) -> u64 {
-        self.mark(at);
-        let (Ok(before) | Err(before)) = self.words[at].fetch_update(Relaxed, Relaxed, replace);
+        let (Ok(before) | Err(before)) = self.word_to_store(at).fetch_update(Relaxed, Relaxed, replace);
         before
     }
 
+    /// A word, whose block something is stored to from now on.
     #[inline]
-    fn mark(&self, at: usize) {
-        let stored = &self.stored[at / BLOCK_WORDS];
-        if !stored.load(Relaxed) {
-            stored.store(true, Relaxed);
+    fn word_to_store(&self, at: usize) -> &AtomicU64 {
+        match &self.memory {
+            Memory::Whole { words, stored } => {
+                let stored = &stored[at / BLOCK_WORDS];
+                if !stored.load(Relaxed) {
+                    stored.store(true, Relaxed);
+                }
+                &words[at]
+            }
+            Memory::Zeros { blocks, .. } => {
+                &blocks[at / BLOCK_WORDS].get_or_init(zeroed_box::<Block>)[at % BLOCK_WORDS]
+            }
         }
     }
 
     /// A copy of them. Of words that were filled with zeros only the blocks that were stored to are
-    /// touched.
+    /// copied.
     pub(super) fn copied(&self) -> Self {
-        if let Some(copy) = self.zeros_copied() {
-            return copy;
-        }
-        let words = self.words.iter().map(|word| AtomicU64::new(word.load(Relaxed))).collect();
-        let stored = self.stored.iter().map(|stored| AtomicBool::new(stored.load(Relaxed))).collect();
-        Self { words, fill: self.fill, stored }
-    }
-
-    /// [`ImageWords::copied`] of words that were filled with zeros.
-    fn zeros_copied(&self) -> Option<Self> {
-        let mut copy = Self::filled(self.words.len(), self.fill.filter(|fill| *fill == [0; 2])?)?;
-        for block in (0..self.stored.len()).filter(|&block| !self.is_as_filled(block)) {
-            *copy.stored[block].get_mut() = true;
-            self.words_of(block).for_each(|at| *copy.words[at].get_mut() = self.load(at));
-        }
-        Some(copy)
+        let word = |word: &AtomicU64| AtomicU64::new(word.load(Relaxed));
+        let memory = match &self.memory {
+            Memory::Whole { words, stored } => Memory::Whole {
+                words: words.iter().map(word).collect(),
+                stored: stored.iter().map(|stored| AtomicBool::new(stored.load(Relaxed))).collect(),
+            },
+            Memory::Zeros { count, blocks } => {
+                let block = |block: &OnceLock<Box<Block>>| {
+                    let Some(words) = block.get() else { return OnceLock::new() };
+                    let copy = zeroed_box::<Block>();
+                    copy.iter().zip(&**words).for_each(|(to, from)| to.store(from.load(Relaxed), Relaxed));
+                    OnceLock::from(copy)
+                };
+                Memory::Zeros { count: *count, blocks: blocks.iter().map(block).collect() }
+            }
+        };
+        Self { memory, fill: self.fill }
     }
 
     /// A copy of a range of the bytes.
@@ -138,14 +180,14 @@ impl ImageWords {
             let unused = 64 - 8 * (size - 8 * at).min(8);
             (self.load(at) ^ other.load(at)) << unused == 0
         };
-        self.words.len() == other.words.len()
-            && (0..self.stored.len()).all(|block| is_untouched(block) || self.words_of(block).all(is_equal))
+        self.len() == other.len()
+            && (0..self.block_count()).all(|block| is_untouched(block) || self.words_of(block).all(is_equal))
     }
 
     /// What they hold now, as texels of a format.
     pub(super) fn state(&self, format: Format) -> ImageState {
         let words = |block| self.words_of(block).map(|at| self.load(at)).collect();
-        let blocks = (0..self.stored.len()).filter(|&block| !self.is_as_filled(block));
+        let blocks = (0..self.block_count()).filter(|&block| !self.is_as_filled(block));
         ImageState {
             format,
             fill: self.fill.unwrap_or_default(),
@@ -157,16 +199,19 @@ impl ImageWords {
     pub(super) fn unlike(&self, before: &ImageState) -> impl Iterator<Item = Range<usize>> {
         let may_differ = |&block: &usize| !self.is_as_filled(block) || before.block(block).is_some();
         let differs = |words: &Range<usize>| words.clone().any(|at| self.load(at) != before.word(at));
-        (0..self.stored.len()).filter(may_differ).map(|block| self.words_of(block)).filter(differs)
+        (0..self.block_count()).filter(may_differ).map(|block| self.words_of(block)).filter(differs)
     }
 
     /// Whether a block is known to hold the pattern that all were filled with.
     fn is_as_filled(&self, block: usize) -> bool {
-        self.fill.is_some() && !self.stored[block].load(Relaxed)
+        match &self.memory {
+            Memory::Whole { stored, .. } => self.fill.is_some() && !stored[block].load(Relaxed),
+            Memory::Zeros { blocks, .. } => blocks[block].get().is_none(),
+        }
     }
 
     fn words_of(&self, block: usize) -> Range<usize> {
-        block * BLOCK_WORDS..((block + 1) * BLOCK_WORDS).min(self.words.len())
+        block * BLOCK_WORDS..((block + 1) * BLOCK_WORDS).min(self.len())
     }
 }
 
@@ -246,6 +291,20 @@ mod tests {
                 assert_eq!(starts(copy.unlike(&before)), [BLOCK_WORDS]);
             }
         }
+    }
+
+    #[test]
+    fn zeros_and_their_copies_hold_only_blocks_that_were_stored_to() {
+        let held =
+            |words: &ImageWords| (0..words.block_count()).filter(|&at| !words.is_as_filled(at)).count();
+        let zeros = ImageWords::filled(100 * BLOCK_WORDS + 1, [0; 2]).expect("memory");
+        let ray = zeros.copied();
+        ray.store(70 * BLOCK_WORDS, 5);
+        assert_eq!(ray.update(100 * BLOCK_WORDS, |word| Some(word + 6)), 0);
+        assert_eq!([&zeros, &ray, &ray.copied()].map(held), [0, 2, 2]);
+        assert_eq!([0, 70, 100].map(|block| ray.copied().load(block * BLOCK_WORDS)), [0, 5, 6]);
+        assert!(!zeros.are_equal(&ray, 8 * zeros.len()));
+        assert!(matches!(&zeros.memory, Memory::Zeros { blocks, .. } if blocks.len() == 101));
     }
 
     #[test]
