@@ -9,9 +9,9 @@
 use std::path::Path;
 use std::time::Instant;
 
-use anyhit::internals::debug::debugger::{Breakpoint, BreakpointPlace, Debugger, Stepping, StopReason};
-use anyhit::internals::debug::session::{ExplainRequest, Session};
-use anyhit::internals::scene::{DiskFiles, LoadOptions, load};
+use anyhit_debugger::debugger::{Breakpoint, BreakpointPlace, Debugger, Stepping, StopReason};
+use anyhit_debugger::session::{ExplainRequest, Session};
+use anyhit_scene::{DiskFiles, LoadOptions, load};
 
 const LONG: &str = "shaders/pass/debugger/long/main.comp";
 const WORKGROUP: &str = "shaders/pass/debugger/workgroup/main.comp";

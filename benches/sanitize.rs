@@ -10,11 +10,11 @@
 use std::path::Path;
 use std::time::Duration;
 
-use anyhit::internals::harness::sanitized::run_sanitized;
-use anyhit::internals::machine::Resources;
-use anyhit::internals::sanitize::rule::race;
-use anyhit::internals::sanitize::{Level, Levels};
-use anyhit::internals::scene::{Assembled, DiskFiles, LoadOptions, assemble, load, load_text};
+use anyhit_cases::sanitized::run_sanitized;
+use anyhit_engine::machine::Resources;
+use anyhit_sanitize::rule::race;
+use anyhit_sanitize::{Level, Levels};
+use anyhit_scene::{Assembled, DiskFiles, LoadOptions, assemble, load, load_text};
 
 #[path = "speed/clock.rs"]
 mod clock;

@@ -15,9 +15,9 @@ use std::process::{Command, Stdio};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use anyhit::internals::harness::case::Case;
-use anyhit::internals::module::load;
 use anyhit::{Hit, Instance, LoadedScene, Module, Pipeline, Program, Ray, Scene, ShaderTest};
+use anyhit_cases::case::Case;
+use anyhit_engine::module::load;
 
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 const TESTS: usize = 1000;

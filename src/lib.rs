@@ -59,7 +59,8 @@
 //! |---|---|---|
 //! | `cli` | yes | the program `anyhit`; with it `scenes` and `recordings` |
 //! | `debugger` | yes | `trace-one-ray --interactive` and `anyhit dap`; with it `cli` |
-//! | `scenes` | yes | scene files ([`LoadedScene`], [`Case`]); with it `compilers` |
+//! | `sanitizer` | with `scenes` | `ShaderTest::sanitize` and `ComputeTest::sanitize` |
+//! | `scenes` | yes | scene files, smoke tests, `debug` of tests, `compilers` and `sanitizer` |
 //! | `gltf`, `obj` | yes | models of these files in scenes |
 //! | `images` | yes | PNG and JPEG files in scenes, PNG of what was rendered |
 //! | `compilers` | yes | GLSL, Slang and HLSL through installed compilers, cached modules |
@@ -73,107 +74,91 @@
 //! | `proptest` | | `strategies`: rays, primitives and instances for property tests |
 //!
 //! A library that only runs SPIR-V, on a [`Scene`] or a [`Hit`] built in Rust, takes
-//! `default-features = false`. How all this works inside stands in `docs/architecture.md`.
+//! `default-features = false` and compiles the engine and the interface for unit tests alone. How
+//! all this works inside stands in `docs/architecture.md`.
 
-#![deny(unsafe_code)]
 #![warn(unreachable_pub)]
 #![cfg_attr(docsrs, feature(doc_cfg))]
 
-mod accel;
-#[cfg(feature = "compilers")]
-mod atomic_file;
-#[cfg(feature = "stress")]
-mod check_math;
 #[cfg(feature = "cli")]
-mod cli;
-mod compile;
-mod debug;
-#[cfg(feature = "cli")]
-mod drawing;
-mod error;
-mod escape;
-mod geometry;
-mod harness;
-mod input;
 #[doc(hidden)]
-pub mod internals;
-mod interp;
-mod machine;
-mod math;
-mod module;
-mod ops;
-mod pipeline;
-mod program;
-#[cfg(feature = "recordings")]
-mod recording;
-mod sanitize;
+pub mod cli;
 #[cfg(feature = "scenes")]
-mod scene;
-mod sorted;
-#[cfg(feature = "stress")]
-mod stress;
+#[doc(hidden)]
+pub mod demo;
 
 // A module, and how a source becomes one.
-pub use compile::{CompileOptions, CompilerFlags, DebugInfoLevel, Language, Optimize, Source};
-pub use input::{InputLimit, InputLimits};
-pub use module::Module;
-pub use module::interface::{EntryPoint, Stage};
-pub use module::scalar_value::ScalarValue;
-pub use module::validate::{ValidationClass, ValidationFinding};
-pub use program::Program;
+pub use anyhit_base::error::Stage;
+pub use anyhit_base::input::{InputLimit, InputLimits};
+pub use anyhit_compile::{CompileOptions, CompilerFlags, DebugInfoLevel, Language, Optimize, Source};
+pub use anyhit_engine::module::Module;
+pub use anyhit_engine::module::interface::EntryPoint;
+pub use anyhit_engine::module::scalar_value::ScalarValue;
+pub use anyhit_engine::module::validate::{ValidationClass, ValidationFinding};
+pub use anyhit_engine::program::Program;
 
 // A shader in a unit test.
-pub use harness::compute_test::{ComputeOutcome, ComputeTest};
-pub use harness::data::TypedBytes;
-pub use harness::device_buffers::DeviceBuffers;
-pub use harness::explain::Explain;
-pub use harness::hit::Hit;
-pub use harness::host_layout::HostLayout;
-pub use harness::mock::{CallableCall, ExecuteCall, TraceCall};
-pub use harness::scalars::{NestedScalars, Scalars};
-pub use harness::shader_outcome::{ReportedHit, ShaderOutcome};
-pub use harness::shader_test::ShaderTest;
+pub use anyhit_engine::machine::Exit;
+pub use anyhit_unit_test::compute_test::{ComputeOutcome, ComputeTest};
+pub use anyhit_unit_test::data::TypedBytes;
+pub use anyhit_unit_test::device_buffers::DeviceBuffers;
+pub use anyhit_unit_test::explain::Explain;
+pub use anyhit_unit_test::hit::Hit;
+pub use anyhit_unit_test::host_struct::HostLayout;
+pub use anyhit_unit_test::mock::{CallableCall, ExecuteCall, TraceCall};
+pub use anyhit_unit_test::scalars::{NestedScalars, Scalars};
+pub use anyhit_unit_test::shader_outcome::{ReportedHit, ShaderOutcome};
+pub use anyhit_unit_test::shader_test::ShaderTest;
 #[cfg(feature = "proptest")]
-pub use harness::strategies;
-pub use harness::struct_data::StructData;
-pub use harness::texels::Texels;
-pub use harness::value::Value;
-pub use machine::Exit;
+pub use anyhit_unit_test::strategies;
+pub use anyhit_unit_test::struct_data::StructData;
+pub use anyhit_unit_test::texels::Texels;
+pub use anyhit_unit_test::value::Value;
+pub use anyhit_unit_test::{assert_near, assert_payload_eq, assert_ulps, host_layout};
 
 // What rays meet.
-pub use accel::{
+pub use anyhit_engine::accel::{
     EndCaps, GeometryData, GeometryFlags, HitKind, Indexing, InstanceFlags, Motion, RayFlags, Srt, TraceRay,
 };
-pub use geometry::{Precision, Ray};
-pub use harness::instance::Instance;
-pub use harness::scene::Scene;
+pub use anyhit_engine::geometry::{Precision, Ray};
+pub use anyhit_unit_test::instance::Instance;
+pub use anyhit_unit_test::scene::Scene;
 
 // What shaders are bound.
-pub use machine::format::{Component, Format};
-pub use machine::image::{Dimension, Image, ImageShape};
-pub use machine::sampler::{AddressMode, BorderColor, CompareOp, Filter, Sampler};
-pub use machine::{Buffer, Descriptor};
+pub use anyhit_engine::machine::format::{Component, Format};
+pub use anyhit_engine::machine::image::{Dimension, Image, ImageShape};
+pub use anyhit_engine::machine::sampler::{AddressMode, BorderColor, CompareOp, Filter, Sampler};
+pub use anyhit_engine::machine::{Buffer, Descriptor};
 
 // Pipelines, launches and single rays.
-pub use harness::trace::{HitRecord, Launched, Traced};
-pub use machine::LaunchLimits;
-pub use machine::printed::PrintedLine;
-pub use pipeline::{
-    Band, DeviceProfile, Pipeline, PipelineBuilder, PipelineFlags, RayOperands, Sbt, SbtRecord, Stats,
-    StreamedImage,
+pub use anyhit_engine::machine::LaunchLimits;
+pub use anyhit_engine::machine::printed::PrintedLine;
+pub use anyhit_engine::pipeline::{
+    Band, DeviceProfile, HostScene, Pipeline, PipelineBuilder, PipelineFlags, RayOperands, Sbt, SbtRecord,
+    Stats, StreamedImage,
 };
+pub use anyhit_unit_test::trace::{HitRecord, Launched, Traced};
 
 // Scene files, cases and whole modules.
 #[cfg(feature = "scenes")]
-pub use debug::ExplainRequest;
+pub use anyhit_cases::case::Case;
+#[cfg(feature = "libtest")]
+pub use anyhit_cases::cases;
 #[cfg(feature = "scenes")]
-pub use harness::case::Case;
+pub use anyhit_cases::loaded_scene::{LoadedScene, SceneOutcome};
 #[cfg(feature = "scenes")]
-pub use harness::loaded_scene::{LoadedScene, SceneOutcome};
-pub use harness::smoke::{SmokeOptions, SmokeReport};
+pub use anyhit_cases::smoke::{SmokeOptions, SmokeReport};
+#[cfg(feature = "scenes")]
+pub use anyhit_debugger::ExplainRequest;
 
 // What goes wrong.
-pub use error::{
+pub use anyhit_base::error::{
     DescriptorElement, Error, ErrorKind, Place, Result, ShaderFrame, Trap, TrapCode, TrapOperands, Warning,
 };
-pub use sanitize::WarningReports;
+#[cfg(feature = "sanitizer")]
+pub use anyhit_sanitize::WarningReports;
+
+/// Compiles what `docs/testing.md` shows.
+#[cfg(doctest)]
+#[doc = include_str!("../docs/testing.md")]
+pub struct TestingGuide;

@@ -1,5 +1,5 @@
 //! The command `anyhit`.
 
 fn main() -> std::process::ExitCode {
-    anyhit::internals::cli::main()
+    anyhit::cli::main()
 }

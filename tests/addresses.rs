@@ -3,8 +3,8 @@
 
 use std::path::Path;
 
-use anyhit::internals::scene::{DiskFiles, LoadOptions, assemble, load_text};
 use anyhit::{Error, Result};
+use anyhit_scene::{DiskFiles, LoadOptions, assemble, load_text};
 
 const HEAD: &str = "version = 1\nshaders.main = 'tests/addresses/nodes.spv'\n\
     [geometry.g]\ntype = 'triangles'\nvertices = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]\nopaque = true\n\
@@ -18,12 +18,12 @@ const NODES: &str = "[resources.first]\ntype = 'buffer'\ndata = [{ u32 = [3, 0] 
 
 const PUSH: &str = "push_constants = [{ address_of = 'first' }, { address_of = 'main' }]\n";
 
-fn scene(text: &str) -> Result<anyhit::internals::scene::Assembled> {
+fn scene(text: &str) -> Result<anyhit_scene::Assembled> {
     let scene = load_text(Path::new("s.toml"), text, &DiskFiles, &LoadOptions::default())?;
     assemble(&scene)
 }
 
-fn words(text: &str) -> Result<(Vec<u32>, anyhit::internals::scene::Assembled)> {
+fn words(text: &str) -> Result<(Vec<u32>, anyhit_scene::Assembled)> {
     let assembled = scene(text)?;
     assembled.run::<64>(&assembled.resources, &|_| ())?;
     let bytes = assembled.resources.buffer(0, 0).expect("the output").bytes();

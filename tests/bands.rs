@@ -3,11 +3,11 @@
 
 use std::process::{Command, Stdio};
 
-use anyhit::internals::machine::format::{Component, Format};
-use anyhit::internals::machine::image::{Image, ImageShape};
-use anyhit::internals::pipeline::{Launch, NotStreamed, Stats, StreamedImage};
-use anyhit::internals::scene::{self, DiskFiles, LoadOptions};
 use anyhit::{Error, ErrorKind, Module, Pipeline, Program, Scene};
+use anyhit_engine::machine::format::{Component, Format};
+use anyhit_engine::machine::image::{Image, ImageShape};
+use anyhit_engine::pipeline::{Launch, NotStreamed, Stats, StreamedImage};
+use anyhit_scene::{DiskFiles, LoadOptions};
 use pretty_assertions::assert_eq;
 
 use crate::support::skipped::{skipped, test_name};
@@ -44,7 +44,7 @@ fn small(format: Format) -> StreamedImage {
 /// The bytes of all bands, and what was counted, at a width of batches.
 fn in_bands<const W: usize>(pipeline: &Pipeline, size: [u32; 2], image: &StreamedImage) -> (Vec<u8>, Stats)
 where
-    anyhit::internals::ops::lane_kernel::LaneKernel: anyhit::internals::ops::lane_kernel::Width<W>,
+    anyhit_engine::ops::lane_kernel::LaneKernel: anyhit_engine::ops::lane_kernel::Width<W>,
 {
     let scene = scene();
     let launch = Launch { pipeline, resources: scene.resources() };
@@ -308,9 +308,9 @@ fn whoever_takes_bands_may_end_it() {
 fn both_demo_scenes_can_be_streamed() {
     for file in ["scenes/swept-spheres.toml", "scenes/swept-spheres-slang.toml"] {
         let options = LoadOptions { size: Some([32_768, 32_768]), streams: true, ..LoadOptions::default() };
-        let resolved = scene::load(file.as_ref(), &DiskFiles, &options).expect("a scene");
+        let resolved = anyhit_scene::load(file.as_ref(), &DiskFiles, &options).expect("a scene");
         let output = resolved.output().expect("an output");
-        let assembled = scene::assemble_without(&resolved, output).expect("shaders");
+        let assembled = anyhit_scene::assemble_without(&resolved, output).expect("shaders");
         let image = StreamedImage::new(output.set, output.binding, Format::RGBA32F);
         let launch = assembled.launch();
         let bands = launch.bands(assembled.size, &image).expect("it can be run in bands");

@@ -8,15 +8,15 @@
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-use anyhit::internals::debug::session::ResolvedRequest;
-use anyhit::internals::harness::case::Case;
-use anyhit::internals::harness::expect::Expectations;
-use anyhit::internals::harness::many_seeds::{FloatChoices, ManySeeds};
-use anyhit::internals::harness::sanitized::run_sanitized;
-use anyhit::internals::machine::ChoiceKind;
-use anyhit::internals::sanitize::{Findings, Levels, Rule, choices, rule};
-use anyhit::internals::scene::sanitize_table::scene_levels;
-use anyhit::internals::scene::{LoadOptions, ResolvedScene, SceneFiles, assemble, load_text};
+use anyhit_cases::case::Case;
+use anyhit_cases::expect::Expectations;
+use anyhit_cases::many_seeds::{FloatChoices, ManySeeds};
+use anyhit_cases::sanitized::run_sanitized;
+use anyhit_debugger::session::ResolvedRequest;
+use anyhit_engine::machine::ChoiceKind;
+use anyhit_sanitize::{Findings, Levels, Rule, choices, rule};
+use anyhit_scene::sanitize_table::scene_levels;
+use anyhit_scene::{LoadOptions, ResolvedScene, SceneFiles, assemble, load_text};
 use libtest_mimic::{Arguments, Failed, Trial};
 use pretty_assertions::StrComparison;
 
@@ -111,7 +111,7 @@ fn rendering(path: &Path, found: &str) -> Result<(), Failed> {
 
 fn scene(case: &Case) -> Result<ResolvedScene, anyhit::Error> {
     let options = LoadOptions { size: case.size, variant: case.variant.clone(), ..LoadOptions::default() };
-    anyhit::internals::scene::load(&case.scene, &anyhit::internals::scene::DiskFiles, &options)
+    anyhit_scene::load(&case.scene, &anyhit_scene::DiskFiles, &options)
 }
 
 /// `shaders/TOPIC/RULE`: a scene whose shader breaks the rule, and the shader that does not.
@@ -197,8 +197,9 @@ fn no_alarm(case: &Case) -> Result<(), Failed> {
 }
 
 /// Rules without a case, as no compiler of fixtures writes what breaks them. Each is tested with an
-/// assembled module in `src/sanitize/module_checks/tests.rs`, `src/sanitize/interface_types.rs`
-/// or `tests/sanitized_modules.rs`. (`unsupported` is no rule of shaders.)
+/// assembled module in `crates/sanitize/src/module_checks/tests.rs`,
+/// `crates/sanitize/src/interface_types.rs` or `tests/sanitized_modules.rs`. (`unsupported` is no
+/// rule of shaders.)
 const WITHOUT_CASE: [&str; 16] = [
     "as-load-source",
     "atomic-class",

@@ -4,8 +4,8 @@
 use std::path::{Path, PathBuf};
 
 use anyhit::ErrorKind;
-use anyhit::internals::compile::{CompileOptions, DebugInfoLevel, Language, Optimize, Source};
-use anyhit::internals::error::Place;
+use anyhit_base::error::Place;
+use anyhit_compile::{CompileOptions, DebugInfoLevel, Language, Optimize, Source};
 
 use crate::support::skipped::{self, test_name};
 
@@ -165,7 +165,7 @@ fn a_named_glslang_is_used_and_must_exist() {
 #[test]
 fn a_build_without_glslang_calls_an_installed_one_or_says_how_to_get_it() {
     let source = Source::from_text("a.rmiss", GLSL_MISS).unwrap();
-    if anyhit::internals::compile::tool(Language::Glsl(anyhit::Stage::Miss)).is_ok() {
+    if anyhit_compile::tool(Language::Glsl(anyhit::Stage::Miss)).is_ok() {
         assert_eq!(source.compile(&CompileOptions::default()).unwrap()[..8], SPIRV_1_6);
         let text = GLSL_MISS.replace("vec4(1.0)", "blue");
         let report = Source::from_text("a.rmiss", text)

@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
-use anyhit::internals::machine::{Binding, Buffer, Descriptor};
-use anyhit::internals::scene::{Assembled, DiskFiles, LoadOptions, assemble, load_text};
 use anyhit::{Error, Result};
+use anyhit_engine::machine::{Binding, Buffer, Descriptor};
+use anyhit_scene::{Assembled, DiskFiles, LoadOptions, assemble, load_text};
 
 fn scene(text: &str) -> Result<Assembled> {
     let scene =

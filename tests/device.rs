@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use anyhit::internals::error::Error;
-use anyhit::internals::scene::{DiskFiles, LoadOptions, assemble, load_text};
+use anyhit_base::error::Error;
+use anyhit_scene::{DiskFiles, LoadOptions, assemble, load_text};
 
 /// A ball and a capsule seen by the probe of `shaders/pass/conformance`, with more lines.
 fn scene(before: &str, pipeline: &str) -> String {

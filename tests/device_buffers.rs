@@ -4,11 +4,11 @@
 
 use std::sync::Arc;
 
-use anyhit::internals::pipeline::SbtRecord;
 use anyhit::{
     ComputeTest, DeviceBuffers, Error, ErrorKind, Explain, Hit, Instance, LoadedScene, Module, Pipeline,
     Program, Ray, Result, Scene, ShaderTest, StructData,
 };
+use anyhit_engine::pipeline::SbtRecord;
 
 const NESTED: &str = "spirv-fixtures/pass/addresses/nested/nested.slang.spv";
 const CASE: &str = "shaders/pass/addresses/nested/scene.toml";

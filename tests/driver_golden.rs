@@ -10,11 +10,11 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use anyhit::internals::math::ulp::ulp_error;
-use anyhit::internals::recording::compare::{
+use anyhit_cases::recording::compare::{
     AgainstDriver, AgainstReference, Agreement, Attributes, HitComparison,
 };
-use anyhit::internals::recording::{Comparison, Recording};
+use anyhit_cases::recording::{Comparison, Recording};
+use anyhit_engine::math::ulp::ulp_error;
 use rayon::prelude::*;
 use safetensors::SafeTensors;
 use safetensors::tensor::TensorView;

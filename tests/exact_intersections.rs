@@ -1,22 +1,22 @@
 //! Exact intersections against an independent reference in rational numbers, over drawn rays and
 //! shapes that lie on, or within a hair of, every edge that a decision has.
 //!
-//! The reference (`anyhit::internals::stress::reference`) has its own formulation: the object-space
+//! The reference (`anyhit_stress::reference`) has its own formulation: the object-space
 //! ray comes from Gaussian elimination, a swept sphere's entry is the least point of the union of
-//! its three pieces, a triangle is a linear system. The draws (`anyhit::internals::stress::draw`)
+//! its three pieces, a triangle is a linear system. The draws (`anyhit_stress::draw`)
 //! are seeded; a failure prints its case.
 
 mod boxes;
 mod normals;
 
-use anyhit::internals::geometry::block::{self, BoxRay, CullRay, LANES, ShearedRay};
-use anyhit::internals::geometry::{
+use anyhit_engine::geometry::block::{self, BoxRay, CullRay, LANES, ShearedRay};
+use anyhit_engine::geometry::{
     Bounds, Intersection, ObjectRay, Precision, Ray, Surface, aabb, linear_swept_sphere, sphere, triangle,
     world_to_object,
 };
-use anyhit::internals::math::baseline_simd::BaselineSimd;
-use anyhit::internals::stress::draw::{Draw, TransformedRay};
-use anyhit::internals::stress::reference::{self, Expected, ObjectLine, Root};
+use anyhit_engine::math::baseline_simd::BaselineSimd;
+use anyhit_stress::draw::{Draw, TransformedRay};
+use anyhit_stress::reference::{self, Expected, ObjectLine, Root};
 
 /// How many cases to draw: that many, times the environment's `ANYHIT_CASES`.
 fn cases(count: usize) -> usize {
@@ -324,7 +324,7 @@ fn cheaper_precisions_agree_on_ordinary_rays() {
             let Some(exact) = intersect(Precision::Exact) else { continue };
             hits += 1;
             let double = intersect(Precision::Double).expect("Double misses");
-            assert!(anyhit::internals::math::ulps(exact.t, double.t) <= 1, "{exact:?} {double:?} {ray:?}");
+            assert!(anyhit_engine::math::ulps(exact.t, double.t) <= 1, "{exact:?} {double:?} {ray:?}");
             if let Some(float) = intersect(Precision::Float) {
                 assert!((float.t - exact.t).abs() <= 1e-3, "{exact:?} {float:?} {ray:?}");
             }

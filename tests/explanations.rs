@@ -289,7 +289,7 @@ fn what_ray_generation_set_before_it_traced_is_its_own() {
         [[expect.image]]\nname = 'picture'\nfile = 'white.png'\nbecause = 'all is white'\n";
     let sky = [HEAD, SKY].concat();
     let folder = scratch("raygen");
-    let white = anyhit::internals::scene::image::Rgba8 { extent: [2, 1], pixels: vec![255; 8] };
+    let white = anyhit_scene::image::Rgba8 { extent: [2, 1], pixels: vec![255; 8] };
     std::fs::write(folder.join("white.png"), white.encode_png().expect("a picture"))
         .expect("a writable folder");
     for (file, text) in [("main.rgen", RAYGEN), ("sky.rmiss", &sky), ("scene.toml", scene)] {

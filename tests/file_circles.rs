@@ -11,8 +11,18 @@ use std::path::Path;
 
 use crate::support::imports::Imports;
 
-/// The roots of the library and of the benchmarks that have several files.
+/// The roots of the crates and of the benchmarks that have several files.
 const ROOTS: &[&str] = &[
+    "crates/base/src/lib.rs",
+    "crates/cases/src/lib.rs",
+    "crates/compile/src/lib.rs",
+    "crates/debugger/src/lib.rs",
+    "crates/engine/src/lib.rs",
+    "crates/explain/src/lib.rs",
+    "crates/sanitize/src/lib.rs",
+    "crates/scene/src/lib.rs",
+    "crates/stress/src/lib.rs",
+    "crates/unit-test/src/lib.rs",
     "src/lib.rs",
     "benches/growth/main.rs",
     "benches/peers/main.rs",
@@ -24,24 +34,24 @@ const ROOTS: &[&str] = &[
 const ALLOWED: &[(&[&str], &str)] = &[
     (
         &[
-            "src/ops/address.rs",
-            "src/ops/builtin/check.rs",
-            "src/ops/conversion/encoded.rs",
-            "src/ops/float_controls.rs",
-            "src/ops/integer_operand.rs",
-            "src/ops/load_store.rs",
-            "src/ops/object.rs",
-            "src/ops/pointer.rs",
-            "src/ops/pointer_layout.rs",
-            "src/ops/pointer_stride.rs",
-            "src/ops/translate.rs",
-            "src/ops/translate/budget.rs",
-            "src/ops/translate/values.rs",
+            "crates/engine/src/ops/address.rs",
+            "crates/engine/src/ops/builtin/check.rs",
+            "crates/engine/src/ops/conversion/encoded.rs",
+            "crates/engine/src/ops/float_controls.rs",
+            "crates/engine/src/ops/integer_operand.rs",
+            "crates/engine/src/ops/load_store.rs",
+            "crates/engine/src/ops/object.rs",
+            "crates/engine/src/ops/pointer.rs",
+            "crates/engine/src/ops/pointer_layout.rs",
+            "crates/engine/src/ops/pointer_stride.rs",
+            "crates/engine/src/ops/translate.rs",
+            "crates/engine/src/ops/translate/budget.rs",
+            "crates/engine/src/ops/translate/values.rs",
         ],
         "the translator holds the pointers and values that ids stand for, and they are made with it",
     ),
     (
-        &["src/pipeline/stack.rs", "src/pipeline/trapped.rs"],
+        &["crates/engine/src/pipeline/stack.rs", "crates/engine/src/pipeline/trapped.rs"],
         "the report of a trap names the calls on the stack, whose methods it is written as",
     ),
 ];

@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use anyhit::internals::compile::fixtures;
+use anyhit_compile::fixtures;
 use image::{Rgb, RgbImage};
 
 #[test]

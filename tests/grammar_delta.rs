@@ -1,4 +1,5 @@
-//! `src/module/validate/grammar_delta.rs` is what SPIR-V's grammar says and rspirv's tables lack.
+//! `crates/engine/src/module/validate/grammar_delta.rs` is what SPIR-V's grammar says and rspirv's
+//! tables lack.
 //!
 //! `ANYHIT_SPIRV_GRAMMAR=spirv.core.grammar.json ANYHIT_VK_XML=vk.xml cargo test --test main
 //! grammar_delta::` compares the table with both registries, which the Khronos Group publishes in
@@ -15,7 +16,7 @@ use serde_json::Value;
 
 use crate::support::skipped::{skipped, test_name};
 
-const TABLE: &str = "src/module/validate/grammar_delta.rs";
+const TABLE: &str = "crates/engine/src/module/validate/grammar_delta.rs";
 
 #[test]
 fn the_table_is_what_rspirv_lacks_of_the_grammar() {

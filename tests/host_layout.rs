@@ -7,9 +7,9 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use anyhit::internals::harness::host_layout::source::HostSource;
-use anyhit::internals::input::InputLimits;
 use anyhit::{ErrorKind, HostLayout, Module, StructData, host_layout};
+use anyhit_base::input::InputLimits;
+use anyhit_unit_test::host_struct::source::HostSource;
 
 use crate::support::mutate::Random;
 use crate::support::skipped::skipped;
@@ -362,7 +362,7 @@ fn source_and_compiler_agree_on_c_structs() {
         Command::new(name).arg("--version").output().is_ok_and(|output| output.status.success())
     };
     let Some(compiler) = compilers.iter().find(runs) else {
-        return skipped("host_layout::source_and_compiler_agree_on_c_structs", "there is no C++ compiler");
+        return skipped("host_struct::source_and_compiler_agree_on_c_structs", "there is no C++ compiler");
     };
     let (mut text, mut prints) = (
         "#include <array>\n#include <cstddef>\n#include <cstdint>\nusing std::size_t;\n".to_owned(),

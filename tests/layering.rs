@@ -1,61 +1,59 @@
-//! The modules of `src/` import one way only.
+//! The modules of a crate import one way only; between crates Cargo sees to that.
 //!
-//! `cli -> harness -> {debug, drawing, recording, stress, check_math} -> scene -> {sanitize,
-//! compile} -> pipeline -> interp -> program -> ops -> {module, machine -> accel} -> geometry ->
-//! math -> {input, atomic_file} -> error -> {escape, sorted}`: a folder may import what stands to
-//! its right. A few crates are named in one place only, readers of files in one file, files are
-//! written in one place, and only the command line prints.
+//! The engine has the layers `pipeline -> interp -> program -> ops -> {module, machine -> accel} ->
+//! geometry -> math`, the base `{input, atomic_file} -> error -> {escape, sorted}`: a module may
+//! import what stands to its right. A few crates of others are named in one place only, readers of
+//! files in one file, files are written in one place, and only the command line prints.
 
 use std::fs;
-use std::path::Path;
 
 use crate::support::files;
 
-/// The layers from left to right; folders of one row do not import each other.
-const LAYERS: &[&[&str]] = &[
-    &["cli"],
-    &["harness"],
-    &["debug", "drawing", "recording", "stress", "check_math"],
-    &["scene"],
-    &["sanitize", "compile"],
-    &["pipeline"],
-    &["interp"],
-    &["program"],
-    &["ops"],
-    &["module", "machine"],
-    &["accel"],
-    &["geometry"],
-    &["math"],
-    &["input", "atomic_file"],
-    &["error"],
-    &["escape", "sorted"],
+/// The layers of the crates that have some, from the top down; modules of one row do not import
+/// each other.
+const LAYERS: &[(&str, &[&[&str]])] = &[
+    (
+        "engine",
+        &[
+            &["pipeline"],
+            &["interp"],
+            &["program"],
+            &["ops"],
+            &["module", "machine"],
+            &["accel"],
+            &["geometry"],
+            &["math"],
+        ],
+    ),
+    ("base", &[&["input", "atomic_file"], &["error"], &["escape", "sorted"]]),
 ];
 
-/// Crates, and the modules that may name them.
+/// Crates of others, and what may name them: a module of a crate with layers, else one of our
+/// crates.
 const CRATES: &[(&str, &[&str])] = &[
     // The sanitizer reads which instruction an operation comes from.
     ("rspirv", &["module", "ops", "sanitize"]),
     ("codespan_reporting", &["error"]),
     ("naga", &["compile"]),
     ("glslang", &["compile"]),
-    ("clap", &["cli"]),
-    ("emmy_dap_types", &["debug"]),
+    ("clap", &["anyhit"]),
+    ("emmy_dap_types", &["debugger"]),
     // Pictures in pages, and rows of shares of a picture in results.
-    ("base64", &["drawing", "harness"]),
-    ("colorous", &["drawing"]),
-    ("flate2", &["drawing", "harness"]),
-    ("inferno", &["drawing"]),
-    ("noto_sans_mono_bitmap", &["drawing"]),
+    ("base64", &["cases"]),
+    ("colorous", &["cases"]),
+    ("flate2", &["cases"]),
+    ("inferno", &["cases"]),
+    ("noto_sans_mono_bitmap", &["cases"]),
     ("dashu_ratio", &["stress"]),
-    ("dashu_float", &["check_math"]),
+    ("dashu_float", &["stress"]),
     ("obvhs", &["stress"]),
-    ("safetensors", &["recording"]),
-    ("quick_xml", &["harness"]),
+    ("safetensors", &["cases"]),
+    ("quick_xml", &["cases"]),
     ("hmac_sha256", &["compile"]),
     ("aligned_vec", &["machine"]),
     ("prefetch_index", &["math"]),
     ("zune_jpeg", &["scene"]),
-    ("signal_hook", &["cli"]),
+    ("signal_hook", &["anyhit"]),
 ];
 
 /// Those of them that judge the results of other modules in their tests, too.
@@ -64,15 +62,15 @@ const JUDGES: &[&str] = &["dashu_ratio", "dashu_float"];
 /// Readers of other crates, and the one file that may call each: it checks what the reader assumes,
 /// bounds what it allocates and catches its panics.
 const READERS: &[(&str, &str)] = &[
-    ("gltf::", "scene/mesh/gltf.rs"),
-    ("tobj::", "scene/mesh/obj.rs"),
-    ("ImageReader", "scene/image/decode.rs"),
-    ("JpegDecoder::", "scene/image/png_jpeg.rs"),
-    ("png::Decoder", "scene/image/png_jpeg.rs"),
-    ("DeTable::parse", "scene/read.rs"),
-    ("SafeTensors::", "recording/tensors.rs"),
-    ("naga::", "compile/wgsl.rs"),
-    ("Compiler::acquire", "compile/glsl.rs"),
+    ("gltf::", "crates/scene/src/mesh/gltf.rs"),
+    ("tobj::", "crates/scene/src/mesh/obj.rs"),
+    ("ImageReader", "crates/scene/src/image/decode.rs"),
+    ("JpegDecoder::", "crates/scene/src/image/png_jpeg.rs"),
+    ("png::Decoder", "crates/scene/src/image/png_jpeg.rs"),
+    ("DeTable::parse", "crates/scene/src/read.rs"),
+    ("SafeTensors::", "crates/cases/src/recording/tensors.rs"),
+    ("naga::", "crates/compile/src/wgsl.rs"),
+    ("Compiler::acquire", "crates/compile/src/glsl.rs"),
 ];
 
 /// Only the command line writes to the terminal.
@@ -86,37 +84,50 @@ const WRITES: &[&str] =
 fn imports_go_one_way() {
     let mut mistakes = Vec::new();
     let mut imports = 0;
-    // `internals` shows every room, and no room takes anything from it.
-    for (module, name, text) in sources().into_iter().filter(|(module, ..)| module != "internals") {
-        let Some(layer) = layer_of(&module) else {
+    for source in sources() {
+        let Some((_, layers)) = LAYERS.iter().find(|(name, _)| *name == source.of_crate) else { continue };
+        let layer_of = |module: &str| layers.iter().position(|layer| layer.contains(&module));
+        let Source { module, name, .. } = &source;
+        let Some(layer) = layer_of(module) else {
             mistakes.push(format!("{name}: `{module}` stands in no layer"));
             continue;
         };
-        for imported in imported_modules(&text) {
+        for imported in imported_modules(&source.text) {
             imports += 1;
             match layer_of(&imported) {
-                _ if imported == module => {}
+                _ if imported == *module => {}
                 Some(other) if other > layer && !(module == "module" && imported == "accel") => {}
                 Some(_) => mistakes.push(format!("{name}: `{module}` must not import `{imported}`")),
-                // A macro or a re-export of the crate's root.
+                // A macro of the crate's root.
                 None => {}
             }
         }
     }
-    assert!(imports > 100, "only {imports} imports were found: the test reads the wrong lines");
+    assert!(imports > 1000, "only {imports} imports were found: the test reads the wrong lines");
     assert!(mistakes.is_empty(), "{}", mistakes.join("\n"));
 }
 
-/// docs/architecture.md lists the rooms in this order.
+/// docs/architecture.md lists the crates, and the modules of the engine in this order.
 #[test]
 fn the_architecture_page_lists_the_layers() {
-    let page = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/architecture.md"))
-        .expect("the page");
-    let table = page.split("## Path of a ray").next().expect("the first section");
-    let rows = table.lines().filter_map(|line| line.strip_prefix("| `")?.split('|').next());
-    let rows: Vec<Vec<&str>> =
-        rows.map(|cell| cell.split(", ").map(|room| room.trim_matches([' ', '`'])).collect()).collect();
-    assert_eq!(rows, LAYERS);
+    let page = fs::read_to_string(files::root().join("docs/architecture.md")).expect("the page");
+    let rows = |heading: &str| -> Vec<Vec<String>> {
+        let section =
+            page.split(heading).nth(1).expect("the section").split("\n## ").next().expect("its text");
+        let rows = section.lines().filter_map(|line| line.strip_prefix("| `")?.split('|').next());
+        rows.map(|cell| cell.split(", ").map(|one| one.trim_matches([' ', '`']).to_owned()).collect())
+            .collect()
+    };
+    assert_eq!(rows("## Modules of the engine"), LAYERS[0].1);
+    let mut crates: Vec<String> = rows("## Crates").into_iter().flatten().collect();
+    crates.sort();
+    let mut folders: Vec<String> = fs::read_dir(files::root().join("crates"))
+        .expect("the folder of crates")
+        .map(|entry| format!("crates/{}", entry.expect("an entry").file_name().to_string_lossy()))
+        .chain(["src".to_owned()])
+        .collect();
+    folders.sort();
+    assert_eq!(crates, folders);
 }
 
 /// What is compiled outside of tests, which stand at the end of a file or in one of their own.
@@ -129,7 +140,7 @@ fn without_tests<'a>(name: &str, code: &'a str) -> &'a str {
 fn crates_are_named_in_their_place() {
     let mut mistakes = Vec::new();
     let mut named = vec![false; CRATES.len()];
-    for (module, name, text) in sources() {
+    for Source { module, name, text, .. } in sources() {
         let code = without_comments(&text);
         for ((one, modules), named) in CRATES.iter().zip(&mut named) {
             let code = if JUDGES.contains(one) { without_tests(&name, &code) } else { &code };
@@ -143,8 +154,8 @@ fn crates_are_named_in_their_place() {
             }
         }
         for print in PRINTS {
-            if module != "cli" && contains_word(&code, print, "") {
-                mistakes.push(format!("{name}: `{print}` outside `cli`"));
+            if module != "anyhit" && contains_word(&code, print, "") {
+                mistakes.push(format!("{name}: `{print}` outside of the program"));
             }
         }
     }
@@ -156,7 +167,7 @@ fn crates_are_named_in_their_place() {
 fn files_are_written_in_one_place() {
     let mut mistakes = Vec::new();
     let mut uses = 0;
-    for (module, name, text) in sources() {
+    for Source { module, name, text, .. } in sources() {
         let code = without_comments(&text);
         let code = without_tests(&name, &code);
         for write in WRITES {
@@ -177,11 +188,11 @@ fn files_are_written_in_one_place() {
 fn readers_stand_behind_one_door_each() {
     let mut found = vec![false; READERS.len()];
     let mut mistakes = Vec::new();
-    for (_, name, text) in sources() {
+    for Source { name, text, .. } in sources() {
         let code = without_comments(&text);
         for ((reader, file), found) in READERS.iter().zip(&mut found) {
             let names = code.match_indices(reader).any(|(at, _)| {
-                // `crate::scene::mesh::gltf::` and `gltf::read` are the door itself.
+                // `crate::mesh::gltf::` and `gltf::read` are the door itself.
                 let before = code[..at].chars().next_back();
                 let door = code[at + reader.len()..].starts_with("read") || before == Some(':');
                 !door && !before.is_some_and(|c| c.is_alphanumeric() || c == '_')
@@ -201,24 +212,35 @@ fn readers_stand_behind_one_door_each() {
     assert!(found.iter().all(|&found| found), "a reader is called nowhere: {found:?}");
 }
 
-/// Every source file but the crate's roots: its module, its name, its text.
-fn sources() -> Vec<(String, String, String)> {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
-    files::with_extension(&root, "rs")
-        .iter()
-        .filter_map(|path| {
-            let inside = path.strip_prefix(&root).expect("a file below src/");
-            let first = inside.components().next()?.as_os_str().to_str()?;
-            let module = first.trim_end_matches(".rs").to_owned();
-            let text = fs::read_to_string(path).expect("a readable source");
-            let name = inside.to_string_lossy().replace('\\', "/");
-            (module != "lib" && module != "main").then_some((module, name, text))
-        })
-        .collect()
+/// A source file.
+struct Source {
+    /// The folder of its crate in `crates`, or `anyhit`.
+    of_crate: String,
+    /// Its module where its crate has layers, else its crate.
+    module: String,
+    /// Its path from the root.
+    name: String,
+    text: String,
 }
 
-fn layer_of(module: &str) -> Option<usize> {
-    LAYERS.iter().position(|layer| layer.contains(&module))
+/// Every source file but the roots of crates.
+fn sources() -> Vec<Source> {
+    let read = |path: &std::path::PathBuf| {
+        let inside = path.strip_prefix(files::root()).expect("a file below the root");
+        let name = inside.to_string_lossy().replace('\\', "/");
+        let parts: Vec<&str> = name.split('/').collect();
+        let (of_crate, first) = match parts[..] {
+            ["crates", of_crate, "src", first, ..] => (of_crate, first),
+            ["src", first, ..] => ("anyhit", first),
+            _ => panic!("{name} lies in no crate"),
+        };
+        let has_layers = LAYERS.iter().any(|(name, _)| *name == of_crate);
+        let module = if has_layers { first.trim_end_matches(".rs") } else { of_crate };
+        let (of_crate, module) = (of_crate.to_owned(), module.to_owned());
+        let text = fs::read_to_string(path).expect("a readable source");
+        (first != "lib.rs" && first != "main.rs").then_some(Source { of_crate, module, name, text })
+    };
+    files::sources().iter().filter_map(read).collect()
 }
 
 /// The modules of the crate that a text names behind `crate::`.

@@ -4,11 +4,12 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use anyhit::internals::module::{
-    self, validate::explicit_layout::LayoutFeatures, validate::layout::layout_faults,
-};
-use anyhit::internals::program;
 use anyhit::{DeviceProfile, Error, ErrorKind, Module};
+use anyhit_engine::module::{
+    self,
+    validate::{explicit_layout::LayoutFeatures, layout::layout_faults},
+};
+use anyhit_engine::program;
 
 use crate::support::assembly::assemble;
 

@@ -6,10 +6,10 @@ use std::process::{Command, Stdio};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use anyhit::internals::machine::{Binding, Buffer, Descriptor, Resources};
-use anyhit::internals::module;
-use anyhit::internals::pipeline::Compute;
-use anyhit::internals::program::Program;
+use anyhit_engine::machine::{Binding, Buffer, Descriptor, Resources};
+use anyhit_engine::module;
+use anyhit_engine::pipeline::Compute;
+use anyhit_engine::program::Program;
 
 use crate::support::assembly::assemble;
 

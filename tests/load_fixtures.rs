@@ -3,9 +3,9 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use anyhit::internals::module::interface::Stage;
-use anyhit::internals::module::load;
-use anyhit::internals::module::names::opcode_name;
+use anyhit_engine::module::interface::Stage;
+use anyhit_engine::module::load;
+use anyhit_engine::module::names::opcode_name;
 
 fn modules(folder: &Path, found: &mut Vec<PathBuf>) {
     for entry in fs::read_dir(folder).unwrap() {

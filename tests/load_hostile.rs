@@ -6,8 +6,8 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use anyhit::ErrorKind;
-use anyhit::internals::module::load;
-use anyhit::internals::module::ty::TypeId;
+use anyhit_engine::module::load;
+use anyhit_engine::module::ty::TypeId;
 use proptest::prelude::*;
 
 /// One small and one large module of each compiler, and one with debug information.

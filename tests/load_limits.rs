@@ -10,13 +10,13 @@ use std::process::{Command, Output, Stdio};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use anyhit::internals::error::{ErrorKind, Result};
-use anyhit::internals::harness::smoke::{SmokeOptions, SmokeReport, SmokeVerdict};
-use anyhit::internals::input::{InputLimit, InputLimits};
-use anyhit::internals::machine::{Binding, Buffer, Descriptor, Resources};
-use anyhit::internals::module;
-use anyhit::internals::pipeline::Compute;
-use anyhit::internals::program::{LowerOptions, Program, lower_with};
+use anyhit_base::error::{ErrorKind, Result};
+use anyhit_base::input::{InputLimit, InputLimits};
+use anyhit_cases::smoke::{SmokeOptions, SmokeReport, SmokeVerdict};
+use anyhit_engine::machine::{Binding, Buffer, Descriptor, Resources};
+use anyhit_engine::module;
+use anyhit_engine::pipeline::Compute;
+use anyhit_engine::program::{LowerOptions, Program, lower_with};
 
 use crate::support::assembly::assemble;
 

@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use anyhit::internals::module::interface::Stage;
+use anyhit_engine::module::interface::Stage;
 
 use crate::support::files;
 
@@ -15,12 +15,11 @@ fn every_entry_point_lowers() {
     for path in files::with_extension(&root, "spv") {
         let bytes = std::fs::read(&path).expect("a readable fixture");
         let module = Arc::new(
-            anyhit::internals::module::load(&bytes)
-                .unwrap_or_else(|error| panic!("{}: {error}", path.display())),
+            anyhit_engine::module::load(&bytes).unwrap_or_else(|error| panic!("{}: {error}", path.display())),
         );
         for entry in &module.entry_points {
             count += 1;
-            match anyhit::internals::program::lower(&module, entry) {
+            match anyhit_engine::program::lower(&module, entry) {
                 Ok(program) => assert!(!program.blocks.is_empty()),
                 Err(_) if matches!(entry.stage, Stage::Other(_)) => {}
                 Err(error) => failures.push(format!("{} `{}`: {error}", path.display(), entry.name)),

@@ -3,10 +3,9 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use anyhit::internals::interp;
-use anyhit::internals::machine::{Bindings, Mask, Resources, Stop};
-use anyhit::internals::module;
-use anyhit::internals::program::lower;
+use anyhit_engine::machine::{Bindings, Mask, Resources, Stop};
+use anyhit_engine::program::lower;
+use anyhit_engine::{interp, module};
 
 use crate::support::{assembly, files};
 

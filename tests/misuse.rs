@@ -2,13 +2,13 @@
 
 use std::fmt::Debug;
 
-use anyhit::internals::accel::RayFlags;
-use anyhit::internals::machine::{Invocation, Resources, ShaderIndex};
-use anyhit::internals::pipeline::{Compute, Group, HitGroup, Launch, SbtRecord};
 use anyhit::{
     Buffer, ComputeTest, DeviceBuffers, ErrorKind, Format, Hit, Image, ImageShape, Instance, LoadedScene,
     Module, Pipeline, PipelineBuilder, Program, Ray, RayOperands, Result, Scene, ShaderTest,
 };
+use anyhit_engine::accel::RayFlags;
+use anyhit_engine::machine::{Invocation, Resources, ShaderIndex};
+use anyhit_engine::pipeline::{Compute, Group, HitGroup, Launch, SbtRecord};
 
 fn module(name: &str) -> std::sync::Arc<Module> {
     Module::open(format!("spirv-fixtures/{name}")).expect("a fixture")

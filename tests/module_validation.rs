@@ -4,7 +4,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use anyhit::internals::module;
+use anyhit_engine::module;
 
 use crate::support::assembly::assemble;
 use crate::support::mutate::{Original, Random};

@@ -1,7 +1,7 @@
 //! Why an entry point does not run: each gap once, and a mistake that is none before them.
 
 use anyhit::Module;
-use anyhit::internals::program::{lower, obstacles};
+use anyhit_engine::program::{lower, obstacles};
 
 use crate::support::assembly::assemble;
 

@@ -3,16 +3,16 @@
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-use anyhit::internals::accel::Motion;
-use anyhit::internals::debug::ExplainRequest;
-use anyhit::internals::harness::stability::{Envelope, Perturbation, perturb, shadow};
-use anyhit::internals::scene::{DiskFiles, LoadOptions, assemble, load};
 use anyhit::{ErrorKind, LoadedScene, Result, StructData};
+use anyhit_cases::stability::{Envelope, Perturbation, perturb, shadow};
+use anyhit_debugger::ExplainRequest;
+use anyhit_engine::accel::Motion;
+use anyhit_scene::{DiskFiles, LoadOptions, assemble, load};
 use serde_json::Value;
 
 const FRAME: &str = "shaders/pass/frames/ping-pong/scene.toml";
 
-fn row(outcome: &anyhit::internals::harness::loaded_scene::SceneOutcome, image: &str) -> Result<[f64; 4]> {
+fn row(outcome: &anyhit_cases::loaded_scene::SceneOutcome, image: &str) -> Result<[f64; 4]> {
     let image = outcome.image(image)?;
     Ok([0, 1, 2, 3].map(|x| image.at(x, 0)[0]))
 }

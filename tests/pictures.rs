@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
-use anyhit::internals::machine::image::Image;
-use anyhit::internals::ops::lane_kernel::{LaneKernel, Width};
-use anyhit::internals::scene::{self, DiskFiles, LoadOptions};
+use anyhit_engine::machine::image::Image;
+use anyhit_engine::ops::lane_kernel::{LaneKernel, Width};
+use anyhit_scene::{DiskFiles, LoadOptions};
 
 /// The picture of a scene as 8-bit channels, as they are saved.
 fn picture<const W: usize>(name: &str) -> Vec<[u8; 3]>
@@ -13,10 +13,10 @@ where
 {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(name);
     let options = LoadOptions { size: Some([192, 108]), ..LoadOptions::default() };
-    let resolved = scene::load(&path, &DiskFiles, &options).expect("a valid scene");
+    let resolved = anyhit_scene::load(&path, &DiskFiles, &options).expect("a valid scene");
     let output = resolved.output().expect("an output image");
     let (set, binding) = (output.set, output.binding);
-    let assembled = scene::assemble(&resolved).expect("supported shaders");
+    let assembled = anyhit_scene::assemble(&resolved).expect("supported shaders");
     assembled.launch().run::<W>(assembled.size, &|_| ()).expect("no trap");
     let image: &Image = assembled.resources.image(set, binding).expect("the output is bound");
     let bytes = image.level_bytes(0);

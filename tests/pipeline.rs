@@ -3,10 +3,10 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use anyhit::internals::accel::{Blas, Geometry, GeometryData, GeometryFlags, Tlas, TlasInstance};
-use anyhit::internals::machine::{Buffer, Descriptor, Resources};
-use anyhit::internals::pipeline::{Launch, Pipeline};
-use anyhit::internals::program::Program;
+use anyhit_engine::accel::{Blas, Geometry, GeometryData, GeometryFlags, Tlas, TlasInstance};
+use anyhit_engine::machine::{Buffer, Descriptor, Resources};
+use anyhit_engine::pipeline::{Launch, Pipeline};
+use anyhit_engine::program::Program;
 
 const IDENTITY: [[f32; 4]; 3] = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
 
@@ -14,15 +14,15 @@ fn program(name: &str) -> Program {
     let path =
         Path::new(env!("CARGO_MANIFEST_DIR")).join("spirv-fixtures/pass/sphere/closest-hit").join(name);
     let module = Arc::new(
-        anyhit::internals::module::load(&std::fs::read(path).expect("a fixture")).expect("a valid fixture"),
+        anyhit_engine::module::load(&std::fs::read(path).expect("a fixture")).expect("a valid fixture"),
     );
-    anyhit::internals::program::lower(&module, &module.entry_points[0]).expect("a supported fixture")
+    anyhit_engine::program::lower(&module, &module.entry_points[0]).expect("a supported fixture")
 }
 
 /// Runs the case over a square of `size` rays and gives the words of its output.
 fn outputs<const W: usize>(size: u32) -> Vec<f32>
 where
-    anyhit::internals::ops::lane_kernel::LaneKernel: anyhit::internals::ops::lane_kernel::Width<W>,
+    anyhit_engine::ops::lane_kernel::LaneKernel: anyhit_engine::ops::lane_kernel::Width<W>,
 {
     let data = GeometryData::Spheres { positions: vec![[0.0; 3]], radii: vec![0.5], indices: None };
     let blas = Blas::new(vec![Geometry::new(data, GeometryFlags::OPAQUE)]).expect("a valid geometry");

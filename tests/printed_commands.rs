@@ -35,7 +35,7 @@ fn shell_words(line: &str) -> Option<Vec<String>> {
 
 /// The names of all commands.
 static COMMANDS: LazyLock<Vec<String>> = LazyLock::new(|| {
-    let program = anyhit::internals::cli::command();
+    let program = anyhit::cli::command();
     program.get_subcommands().map(|command| command.get_name().to_owned()).collect()
 });
 
@@ -62,7 +62,7 @@ fn mistake(line: &str) -> Option<String> {
     if words.len() == 2 {
         return None;
     }
-    let error = anyhit::internals::cli::command().try_get_matches_from(&words).err()?;
+    let error = anyhit::cli::command().try_get_matches_from(&words).err()?;
     // What stands in place of a number is none.
     let filled_in = line.contains("PLACE");
     (!(filled_in && error.kind() == ErrorKind::ValueValidation)).then(|| error.to_string())
@@ -105,9 +105,8 @@ fn literals(code: &str) -> Vec<String> {
 
 #[test]
 fn the_commands_of_messages_can_be_typed() {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let (mut count, mut mistakes) = (0, Vec::new());
-    for path in files::with_extension(&root.join("src"), "rs") {
+    for path in files::sources() {
         let code = fs::read_to_string(&path).expect("a readable file");
         for text in literals(&code) {
             for line in command_lines(&text) {

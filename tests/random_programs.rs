@@ -14,8 +14,8 @@ mod program;
 
 use std::sync::Arc;
 
-use anyhit::internals::machine::{Buffer, Descriptor, Resources};
-use anyhit::internals::pipeline::Compute;
+use anyhit_engine::machine::{Buffer, Descriptor, Resources};
+use anyhit_engine::pipeline::Compute;
 use proptest::test_runner::{Config, RngAlgorithm, TestCaseError, TestError, TestRng, TestRunner};
 
 use crate::support::assembly;
@@ -47,8 +47,8 @@ fn inputs() -> Vec<u32> {
 /// What the interpreter leaves, the same at 1, 64 and 128 lanes.
 fn interpret(text: &str, inputs: &[u32]) -> Result<Vec<u32>, String> {
     let told = |error: anyhit::Error| error.render();
-    let module = Arc::new(anyhit::internals::module::load(&assembly::assemble(text)).map_err(told)?);
-    let program = anyhit::internals::program::lower(&module, &module.entry_points[0]).map_err(told)?;
+    let module = Arc::new(anyhit_engine::module::load(&assembly::assemble(text)).map_err(told)?);
+    let program = anyhit_engine::program::lower(&module, &module.entry_points[0]).map_err(told)?;
     let compute = Compute::new(program).map_err(told)?;
     let run = |lanes: usize| {
         let out = Buffer::zeroed(INVOCATIONS * OUTPUTS * 4);

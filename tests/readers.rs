@@ -8,12 +8,12 @@ use std::io::Cursor;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
-use anyhit::internals::error::{Error, ErrorKind};
-use anyhit::internals::input::{InputLimit, InputLimits};
-use anyhit::internals::recording::Recording;
-use anyhit::internals::scene::image::Picture;
-use anyhit::internals::scene::mesh::model::{MeshFormat, Model};
-use anyhit::internals::scene::{EmbeddedFiles, LoadOptions, load};
+use anyhit_base::error::{Error, ErrorKind};
+use anyhit_base::input::{InputLimit, InputLimits};
+use anyhit_cases::recording::Recording;
+use anyhit_scene::image::Picture;
+use anyhit_scene::mesh::model::{MeshFormat, Model};
+use anyhit_scene::{EmbeddedFiles, LoadOptions, load};
 use image::ImageFormat;
 
 /// A small generator of its own (xorshift64*), so that the files stay the same.
@@ -279,7 +279,7 @@ fn damaged_scenes_are_read_or_refused() {
         .with(InputLimit::ScenePrimitives, 20_000)
         .with(InputLimit::SceneMemory, 1 << 20);
     struct Small<'a>(EmbeddedFiles<'a>, InputLimits);
-    impl anyhit::internals::scene::Files for Small<'_> {
+    impl anyhit_scene::Files for Small<'_> {
         fn read_limited(&self, path: &Path, limit: InputLimit) -> anyhit::Result<Vec<u8>> {
             self.0.read_limited(path, limit)
         }

@@ -321,7 +321,7 @@ fn limits_are_set_by_name() {
 /// Every limit stands in docs/reading.md with its default.
 #[test]
 fn limits_are_documented() {
-    use anyhit::internals::input::InputLimit;
+    use anyhit_base::input::InputLimit;
     let text = std::fs::read_to_string(root().join("docs/reading.md")).expect("docs/reading.md");
     for limit in InputLimit::ALL {
         let value = limit.default_value();

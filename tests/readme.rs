@@ -192,10 +192,7 @@ fn anyhit_arguments<'a>(words: &[&'a str]) -> Result<Vec<&'a str>, String> {
 
 fn parse(arguments: &[&str]) -> Result<(), String> {
     let line = std::iter::once("anyhit").chain(arguments.iter().copied());
-    anyhit::internals::cli::command()
-        .try_get_matches_from(line)
-        .map(|_| ())
-        .map_err(|error| error.to_string())
+    anyhit::cli::command().try_get_matches_from(line).map(|_| ()).map_err(|error| error.to_string())
 }
 
 /// A name behind `--test` is a target, and a path behind that begins with a module of it.

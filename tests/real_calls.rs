@@ -3,9 +3,9 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use anyhit::internals::machine::Descriptor;
-use anyhit::internals::program::{Inlining, LowerOptions, Terminator, lower_with};
-use anyhit::internals::scene::{self, Assembled, DiskFiles, LoadOptions};
+use anyhit_engine::machine::Descriptor;
+use anyhit_engine::program::{Inlining, LowerOptions, Terminator, lower_with};
+use anyhit_scene::{Assembled, DiskFiles, LoadOptions};
 
 use crate::support::files;
 
@@ -27,12 +27,12 @@ fn real_calls_and_inlined_ones_agree() {
     let mut cases = 0;
     let scenes = files::with_extension(&root, "toml");
     for path in scenes.into_iter().filter(|path| path.ends_with("scene.toml")) {
-        let resolved = scene::load(&path, &DiskFiles, &LoadOptions::default()).expect("a valid scene");
-        let Ok(inlined) = scene::assemble(&resolved) else { continue };
-        let mut real = scene::assemble(&resolved).expect("what was assembled once");
+        let resolved = anyhit_scene::load(&path, &DiskFiles, &LoadOptions::default()).expect("a valid scene");
+        let Ok(inlined) = anyhit_scene::assemble(&resolved) else { continue };
+        let mut real = anyhit_scene::assemble(&resolved).expect("what was assembled once");
         for program in &mut real.pipeline.programs {
             let module = program.module.clone();
-            let has = |entry: &&anyhit::internals::module::interface::EntryPoint| {
+            let has = |entry: &&anyhit_engine::module::interface::EntryPoint| {
                 entry.name == program.name && entry.stage == program.stage
             };
             let entry = module.entry_points.iter().find(has).expect("the entry point");

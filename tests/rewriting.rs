@@ -15,11 +15,11 @@ use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
 use anyhit::Error;
-use anyhit::internals::error::Place;
-use anyhit::internals::harness::case::{Case, Loaded};
-use anyhit::internals::harness::expect::Observed;
-use anyhit::internals::harness::run::{RayMeasurements, run, run_ray};
-use anyhit::internals::scene::resolved::ShaderCode;
+use anyhit_base::error::Place;
+use anyhit_cases::case::{Case, Loaded};
+use anyhit_cases::expect::Observed;
+use anyhit_cases::run::{RayMeasurements, run, run_ray};
+use anyhit_scene::resolved::ShaderCode;
 use rayon::prelude::*;
 use rspirv::spirv::Op;
 
@@ -124,7 +124,7 @@ impl Subject {
             let (mut loaded, done) = self.rewrite(plans)?;
             save_all(&loaded);
             let told = |error: Error| error.render();
-            loaded.assembled = anyhit::internals::scene::assemble(&loaded.scene).map_err(told)?;
+            loaded.assembled = anyhit_scene::assemble(&loaded.scene).map_err(told)?;
             let observed = loaded.widths().map_err(told)?;
             loaded.check_launch(&observed).map_err(told)?;
             let found = seen(&loaded, &observed);

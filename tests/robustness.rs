@@ -271,10 +271,9 @@ fn share_result() {
 /// in this project's own code.
 #[test]
 fn panics_of_our_own_are_no_errors_of_a_file() {
-    use anyhit::internals::error::{Error, ErrorKind, Result};
-    let told = anyhit::internals::input::contained("a-reader", ErrorKind::InvalidMesh, || -> Result<()> {
-        panic!("x")
-    });
+    use anyhit_base::error::{Error, ErrorKind, Result};
+    let told =
+        anyhit_base::input::contained("a-reader", ErrorKind::InvalidMesh, || -> Result<()> { panic!("x") });
     let note = told.unwrap_err().notes()[0].clone();
     assert!(note.contains("tests/robustness.rs:") || note.contains("tests\\robustness.rs:"), "{note}");
     let begin = note.find('`').expect("a place") + 1;
@@ -282,8 +281,12 @@ fn panics_of_our_own_are_no_errors_of_a_file() {
         let error = Error::new(ErrorKind::InvalidMesh, "x").note(format!("{}{place}`", &note[..begin]));
         catch_unwind(|| subjects::refused(&error))
     };
-    let absolute = subjects::root().join("src/scene/mesh/gltf.rs:7:9");
-    for ours in ["src/scene/mesh/gltf.rs:7:9", "src\\scene\\mesh\\gltf.rs:7:9", &absolute.to_string_lossy()] {
+    let absolute = subjects::root().join("crates/scene/src/mesh/gltf.rs:7:9");
+    for ours in [
+        "crates/scene/src/mesh/gltf.rs:7:9",
+        "crates\\scene\\src\\mesh\\gltf.rs:7:9",
+        &absolute.to_string_lossy(),
+    ] {
         assert!(refused(ours).is_err(), "{ours}");
     }
     for others in

@@ -2,10 +2,10 @@
 
 use std::sync::Arc;
 
-use anyhit::internals::machine::{Binding, Buffer, Descriptor, Resources};
-use anyhit::internals::module::interface::Stage;
-use anyhit::internals::pipeline::{Compute, Launch, Pipeline};
-use anyhit::internals::sanitize::{Findings, Levels, ProgramPlan, Sanitizer};
+use anyhit_engine::machine::{Binding, Buffer, Descriptor, Resources};
+use anyhit_engine::module::interface::Stage;
+use anyhit_engine::pipeline::{Compute, Launch, Pipeline};
+use anyhit_sanitize::{Findings, Levels, ProgramPlan, Sanitizer};
 
 use crate::support::assembly::assemble;
 use crate::support::files::root;
@@ -57,8 +57,8 @@ fn found(text: &str) -> Vec<(&'static str, String)> {
 
 /// What the sanitizer finds in a compute shader with two storage buffers.
 fn findings(text: &str) -> Findings {
-    let module = Arc::new(anyhit::internals::module::load(&assemble(text)).expect("a module"));
-    let program = anyhit::internals::program::lower(&module, &module.entry_points[0]).expect("a program");
+    let module = Arc::new(anyhit_engine::module::load(&assemble(text)).expect("a module"));
+    let program = anyhit_engine::program::lower(&module, &module.entry_points[0]).expect("a program");
     let compute = Compute::new(program).expect("a compute shader").for_sanitizer().expect("a program");
     let mut resources = Resources::default();
     for element in 0..2 {
@@ -198,10 +198,10 @@ fn passes_laid_out_data(given: Option<u32>, taken: Option<u32>) -> String {
 
 /// The rules that a launch of a module's ray generation shader breaks, with its callable shaders.
 fn found_by_launch(text: &str) -> Vec<(&'static str, String)> {
-    let module = Arc::new(anyhit::internals::module::load(&assemble(text)).expect("a module"));
+    let module = Arc::new(anyhit_engine::module::load(&assemble(text)).expect("a module"));
     let mut builder = Pipeline::builder();
     for entry in &module.entry_points {
-        let program = anyhit::internals::program::lower(&module, entry).expect("a program");
+        let program = anyhit_engine::program::lower(&module, entry).expect("a program");
         builder = match entry.stage {
             Stage::RayGeneration => builder.ray_generation(program),
             _ => builder.callable(program),

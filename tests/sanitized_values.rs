@@ -3,14 +3,14 @@
 
 use std::sync::Arc;
 
-use anyhit::internals::machine::image::{Dimension, Image, ImageShape};
-use anyhit::internals::machine::sampler::Sampler;
-use anyhit::internals::machine::{Buffer, Descriptor, Resources};
-use anyhit::internals::module::{self, Module};
-use anyhit::internals::pipeline::{Compute, Launch};
-use anyhit::internals::program::lower;
-use anyhit::internals::sanitize::{Findings, Levels, ProgramPlan, Sanitizer};
 use anyhit::{CompileOptions, Component, ComputeTest, Format, Pipeline, ShaderTest, Source};
+use anyhit_engine::machine::image::{Dimension, Image, ImageShape};
+use anyhit_engine::machine::sampler::Sampler;
+use anyhit_engine::machine::{Buffer, Descriptor, Resources};
+use anyhit_engine::module::{self, Module};
+use anyhit_engine::pipeline::{Compute, Launch};
+use anyhit_engine::program::lower;
+use anyhit_sanitize::{Findings, Levels, ProgramPlan, Sanitizer};
 
 use crate::support::assembly::assemble;
 

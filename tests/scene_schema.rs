@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::path::Path;
 
-use anyhit::internals::harness::scene_schema::scene_schema;
+use anyhit::cli::scene_schema::scene_schema;
 use pretty_assertions::assert_eq;
 use serde_json::Value;
 

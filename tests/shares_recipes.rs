@@ -159,7 +159,7 @@ fn the_commands_of_the_page_are_real() {
     for line in blocks.flat_map(str::lines).filter(|line| line.starts_with("anyhit ") && !line.contains('['))
     {
         let words = line.split('#').next().unwrap_or_default().split_whitespace();
-        let parsed = anyhit::internals::cli::command().try_get_matches_from(words);
+        let parsed = anyhit::cli::command().try_get_matches_from(words);
         assert!(parsed.is_ok(), "{line}: {parsed:?}");
         count += 1;
     }

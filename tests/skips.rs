@@ -3,16 +3,16 @@
 use std::process::Command;
 use std::sync::Arc;
 
-use anyhit::internals::accel::{
+use anyhit::{Program, Ray, Result};
+use anyhit_engine::accel::{
     Blas, Candidate, Committed, Counters, Cursor, EndCaps, Geometry, GeometryData, GeometryFlags,
     HitPrimitive, Indexing, InstanceVerdict, PrimitiveVerdict, RayFlags, TestCounts, Tlas, TlasInstance,
     TraceRay, TraversalObserver,
 };
-use anyhit::internals::machine::Resources;
-use anyhit::internals::math::random::Random;
-use anyhit::internals::module::interface::Stage;
-use anyhit::internals::pipeline::{Launch, Pipeline, RayOperands, Stats};
-use anyhit::{Program, Ray, Result};
+use anyhit_engine::machine::Resources;
+use anyhit_engine::math::random::Random;
+use anyhit_engine::module::interface::Stage;
+use anyhit_engine::pipeline::{Launch, Pipeline, RayOperands, Stats};
 
 use crate::support::assembly;
 
@@ -421,7 +421,7 @@ fn shader(stage: &str, declarations: &str, body: &str) -> Program {
          OpReturn
          OpFunctionEnd"
     );
-    let module = Arc::new(anyhit::internals::module::load(&assembly::assemble(&text)).expect("a module"));
+    let module = Arc::new(anyhit_engine::module::load(&assembly::assemble(&text)).expect("a module"));
     Program::of(&module, "main").expect("a shader")
 }
 
@@ -475,7 +475,7 @@ fn ignoring() -> Program {
          %start = OpLabel
          OpIgnoreIntersectionKHR
          OpFunctionEnd";
-    let module = Arc::new(anyhit::internals::module::load(&assembly::assemble(text)).expect("a module"));
+    let module = Arc::new(anyhit_engine::module::load(&assembly::assemble(text)).expect("a module"));
     Program::of(&module, "main").expect("a shader")
 }
 

@@ -4,11 +4,11 @@
 use std::sync::Arc;
 
 use anyhit::Result;
-use anyhit::internals::accel::{Blas, Geometry, GeometryData, GeometryFlags, Tlas, TlasInstance};
-use anyhit::internals::machine::{Buffer, Descriptor, OpIndex, Resources};
-use anyhit::internals::module::interface::Stage;
-use anyhit::internals::pipeline::{Event, Launch, Pipeline, Stats};
-use anyhit::internals::program::Program;
+use anyhit_engine::accel::{Blas, Geometry, GeometryData, GeometryFlags, Tlas, TlasInstance};
+use anyhit_engine::machine::{Buffer, Descriptor, OpIndex, Resources};
+use anyhit_engine::module::interface::Stage;
+use anyhit_engine::pipeline::{Event, Launch, Pipeline, Stats};
+use anyhit_engine::program::Program;
 
 use crate::support::assembly;
 
@@ -80,7 +80,7 @@ fn shader_with(pair: &str, stage: &str, payload: &str, body: &str) -> Program {
          OpReturn
          OpFunctionEnd"
     );
-    let module = Arc::new(anyhit::internals::module::load(&assembly::assemble(&text)).expect("a module"));
+    let module = Arc::new(anyhit_engine::module::load(&assembly::assemble(&text)).expect("a module"));
     Program::of(&module, "main").expect("a shader")
 }
 
@@ -212,8 +212,7 @@ fn a_payload_that_is_reached_by_a_computed_index_counts_as_read() {
     // computed.
     let plain = ray_generation(TRACE);
     let op = |program: &Program| {
-        let traces =
-            |op: &anyhit::internals::ops::op::Op| matches!(op, anyhit::internals::ops::op::Op::Stop(_));
+        let traces = |op: &anyhit_engine::ops::op::Op| matches!(op, anyhit_engine::ops::op::Op::Stop(_));
         OpIndex::new(program.ops.iter().position(traces).expect("a trace"))
     };
     let written = closest_hit("OpStore %low %2").payloads.writes_only.expect("nothing but the payload");

@@ -3,11 +3,9 @@
 use std::collections::HashSet;
 use std::sync::{Arc, LazyLock, OnceLock};
 
-use anyhit::internals::harness::smoke::{
-    BlockCoverage, EntryReport, SmokeOptions, SmokeReport, SmokeVerdict,
-};
-use anyhit::internals::machine::LaunchLimits;
-use anyhit::internals::module;
+use anyhit_cases::smoke::{BlockCoverage, EntryReport, SmokeOptions, SmokeReport, SmokeVerdict};
+use anyhit_engine::machine::LaunchLimits;
+use anyhit_engine::module;
 use rspirv::spirv::Op;
 
 use crate::support::{assembly, files};

@@ -5,18 +5,18 @@ use std::fs;
 use std::path::Path;
 use std::sync::Arc;
 
-use anyhit::internals::debug::debugger::expression::{assign, evaluate};
-use anyhit::internals::debug::debugger::{
+use anyhit::{Module, Program};
+use anyhit_debugger::debugger::expression::{assign, evaluate};
+use anyhit_debugger::debugger::{
     LaneState, SourceFrame, Variable, VariableKind, global_variables, source_frames, variables_in_frame,
 };
-use anyhit::internals::interp;
-use anyhit::internals::machine::invocation::Invocation;
-use anyhit::internals::machine::workgroup::Workgroup;
-use anyhit::internals::machine::{
+use anyhit_engine::interp;
+use anyhit_engine::machine::invocation::Invocation;
+use anyhit_engine::machine::workgroup::Workgroup;
+use anyhit_engine::machine::{
     Batch, Bindings, Buffer, Descriptor, Lanes, Mask, Observer, OpIndex, Reg, Resources, Stop,
 };
-use anyhit::internals::ops::builtin::Builtin;
-use anyhit::{Module, Program};
+use anyhit_engine::ops::builtin::Builtin;
 
 const FOLDER: &str = "spirv-fixtures/debug/variables";
 

@@ -4,8 +4,8 @@
 use std::process::{Command, Output};
 
 use anyhit::Result;
-use anyhit::internals::harness::stability::shadow::shadow_one;
-use anyhit::internals::harness::stability::{Perturbation, perturb, shadow};
+use anyhit_cases::stability::shadow::shadow_one;
+use anyhit_cases::stability::{Perturbation, perturb, shadow};
 use serde_json::Value;
 
 const FOLDER: &str = "shaders/pass/stability";
@@ -259,8 +259,8 @@ fn the_shadow_goes_through_all_bindings_of_a_buffer() {
 /// What runs beside the shadow is the run itself: it leaves the same behind.
 #[test]
 fn watched_dispatches_and_buffers_have_shadows() -> Result<()> {
-    use anyhit::internals::debug::session::{ExplainRequest, Session};
-    use anyhit::internals::scene::{DiskFiles, LoadOptions, assemble, load};
+    use anyhit_debugger::session::{ExplainRequest, Session};
+    use anyhit_scene::{DiskFiles, LoadOptions, assemble, load};
     let scene =
         load("shaders/pass/arithmetic/basics/scene.toml".as_ref(), &DiskFiles, &LoadOptions::default())?;
     let assembled = assemble(&scene)?;

@@ -3,11 +3,11 @@
 use std::path::Path;
 use std::process::Command;
 
-use anyhit::internals::geometry::Precision;
-use anyhit::internals::harness::case::Case;
-use anyhit::internals::scene::{DiskFiles, LoadOptions, load};
-use anyhit::internals::stress::scene::run;
-use anyhit::internals::stress::{StressCase, StressSettings, check};
+use anyhit_cases::case::Case;
+use anyhit_engine::geometry::Precision;
+use anyhit_scene::{DiskFiles, LoadOptions, load};
+use anyhit_stress::scene::run;
+use anyhit_stress::{StressCase, StressSettings, check};
 use rayon::prelude::*;
 
 #[test]

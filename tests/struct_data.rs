@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-use anyhit::internals::scene::{Assembled, EmbeddedFiles, LoadOptions, assemble, load};
 use anyhit::{ComputeTest, Error, Hit, Module, Ray, ShaderTest, StructData};
+use anyhit_scene::{Assembled, EmbeddedFiles, LoadOptions, assemble, load};
 use pretty_assertions::assert_eq;
 
 use crate::support::assembly::assemble as spirv;

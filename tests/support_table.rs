@@ -5,9 +5,9 @@ use std::collections::HashSet;
 use std::fs;
 use std::sync::Arc;
 
-use anyhit::internals::module::load;
-use anyhit::internals::ops::support::{Support, builtin, gaps, opcode, table};
-use anyhit::internals::program::lower;
+use anyhit_engine::module::load;
+use anyhit_engine::ops::support::{Support, builtin, gaps, opcode, table};
+use anyhit_engine::program::lower;
 use pretty_assertions::assert_eq;
 use rspirv::grammar::INSTRUCTION_TABLE;
 use rspirv::spirv::BuiltIn;
@@ -68,7 +68,7 @@ fn what_is_called_supported_is_run_by_a_test() {
         text += &fs::read_to_string(path).expect("a readable test");
     }
     let mut vectors = String::new();
-    for path in files::with_extension(&root().join("src/ops"), "rs") {
+    for path in files::with_extension(&root().join("crates/engine/src/ops"), "rs") {
         let source = fs::read_to_string(path).expect("a readable source");
         vectors += source.split_once("#[cfg(test)]").map_or("", |(_, tests)| tests);
     }

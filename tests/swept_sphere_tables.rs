@@ -4,11 +4,11 @@
 
 use std::sync::Arc;
 
-use anyhit::internals::accel::{
+use anyhit_engine::accel::{
     Blas, Committed, Cursor, EndCaps, Geometry, GeometryData, GeometryFlags, HitKind, Indexing, RayFlags,
     Tlas, TlasInstance, TraceRay,
 };
-use anyhit::internals::geometry::{Ray, Surface};
+use anyhit_engine::geometry::{Ray, Surface};
 
 const IDENTITY: [[f32; 4]; 3] = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
 

@@ -6,12 +6,12 @@
 use std::path::Path;
 use std::sync::LazyLock;
 
-use anyhit::internals::harness::expect::{Expectations, Observed, ObservedMemory};
-use anyhit::internals::module::constant::ConstantValue;
-use anyhit::internals::scene::file::RayEntry;
-use anyhit::internals::scene::read::Document;
-use anyhit::internals::scene::{EmbeddedFiles, LoadOptions, ResolvedScene, assemble, load};
 use anyhit::{Buffer, Error, ErrorKind};
+use anyhit_cases::expect::{Expectations, Observed, ObservedMemory};
+use anyhit_engine::module::constant::ConstantValue;
+use anyhit_scene::file::RayEntry;
+use anyhit_scene::read::Document;
+use anyhit_scene::{EmbeddedFiles, LoadOptions, ResolvedScene, assemble, load};
 use dashu_ratio::RBig;
 use proptest::prelude::*;
 

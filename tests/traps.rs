@@ -1,11 +1,11 @@
 //! Traps as data, on every route from a shader to an error: code, place, launch index, values and
 //! stack, as the sources of the shaders say.
 
-use anyhit::internals::error::ErrorReport;
 use anyhit::{
     ComputeTest, DescriptorElement, Error, ErrorKind, Instance, LoadedScene, Module, Pipeline, Program, Ray,
     RayOperands, Scene, ShaderFrame, ShaderTest, Stage, Trap, TrapCode, TrapOperands,
 };
+use anyhit_base::error::ErrorReport;
 
 fn trap(error: &Error) -> &Trap {
     assert_eq!(error.kind(), ErrorKind::Trap, "{}", error.render());

@@ -4,9 +4,9 @@
 
 use std::path::Path;
 
-use anyhit::internals::harness::sanitized::run_sanitized;
-use anyhit::internals::sanitize::Levels;
-use anyhit::internals::scene::{LoadOptions, SceneFiles, assemble, load_text};
+use anyhit_cases::sanitized::run_sanitized;
+use anyhit_sanitize::Levels;
+use anyhit_scene::{LoadOptions, SceneFiles, assemble, load_text};
 
 /// The rules that a rule's scene breaks, each as often as there are findings, with some texts
 /// replaced.

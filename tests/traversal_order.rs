@@ -4,11 +4,11 @@
 
 use std::sync::Arc;
 
-use anyhit::internals::accel::{
+use anyhit_engine::accel::{
     Blas, Candidate, Cursor, EndCaps, Geometry, GeometryData, GeometryFlags, HitKind, Indexing,
     InstanceFlags, Primitive, RayFlags, Tlas, TlasInstance, TraceRay, TraversalSeeds,
 };
-use anyhit::internals::geometry::{
+use anyhit_engine::geometry::{
     Intersection, ObjectRay, Precision, Ray, Surface, aabb, linear_swept_sphere, sphere, triangle,
 };
 use pretty_assertions::assert_eq;

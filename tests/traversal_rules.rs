@@ -3,13 +3,13 @@
 
 use std::sync::Arc;
 
-use anyhit::internals::accel::{
+use anyhit_base::error::ErrorKind;
+use anyhit_engine::accel::{
     Blas, Candidate, Counters, Cursor, Geometry, GeometryData, GeometryFlags, HitKind, HitPrimitive,
     InstanceFlags, InstanceVerdict, Motion, Packet, Primitive, PrimitiveVerdict, RayFlags, Srt, Tlas,
     TlasInstance, TraceRay, TraversalObserver,
 };
-use anyhit::internals::error::ErrorKind;
-use anyhit::internals::geometry::Ray;
+use anyhit_engine::geometry::Ray;
 
 const IDENTITY: [[f32; 4]; 3] = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
 const OPAQUE: GeometryFlags = GeometryFlags::OPAQUE;
@@ -254,7 +254,7 @@ impl TraversalObserver for Notes {
         self.presented.push(*candidate);
     }
 
-    fn commit(&mut self, committed: &anyhit::internals::accel::Committed) {
+    fn commit(&mut self, committed: &anyhit_engine::accel::Committed) {
         self.committed.push(committed.t);
     }
 

@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
 
-use anyhit::internals::error::ErrorKind;
-use anyhit::internals::recording::Recording;
+use anyhit_base::error::ErrorKind;
+use anyhit_cases::recording::Recording;
 use pretty_assertions::assert_eq;
 use safetensors::Dtype;
 use safetensors::tensor::TensorView;
@@ -294,7 +294,7 @@ fn limits_decide_the_exit_code() {
     assert!(err.contains("verify-broken.safetensors: the tensor `ray.origin` is missing"), "{err}");
     assert!(out.contains("verify-good"), "the others are compared: {out}");
     assert_eq!(verify(&["no/such/file.safetensors"]).0, Some(2));
-    let (code, _, err) = verify(&[concat!(env!("CARGO_MANIFEST_DIR"), "/src/recording")]);
+    let (code, _, err) = verify(&[concat!(env!("CARGO_MANIFEST_DIR"), "/crates/cases/src/recording")]);
     assert!(code == Some(2) && err.contains("the folder contains no `.safetensors` file"), "{err}");
 }
 

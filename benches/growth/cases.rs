@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use anyhit::internals::harness::case::Case;
-use anyhit::internals::harness::run::{RayMeasurements, rays as rays_of};
+use anyhit_cases::case::Case;
+use anyhit_cases::run::{RayMeasurements, rays as rays_of};
 
 use crate::curve::Curve;
 use crate::fit::Growth;

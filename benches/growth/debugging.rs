@@ -2,9 +2,9 @@
 
 use rspirv::spirv::{ExecutionModel, Op};
 
-use anyhit::internals::debug::debugger::{Debugger, StopReason};
-use anyhit::internals::debug::session::{ExplainRequest, Session};
-use anyhit::internals::scene::{DiskFiles, LoadOptions, load};
+use anyhit_debugger::debugger::{Debugger, StopReason};
+use anyhit_debugger::session::{ExplainRequest, Session};
+use anyhit_scene::{DiskFiles, LoadOptions, load};
 
 use crate::curve::Curve;
 use crate::measure::Work;

@@ -109,7 +109,7 @@ fn cost_of_command(arguments: &[String], code: i32, folder: &Path) -> Cost {
 pub fn run_as_command() -> Option<ExitCode> {
     let file = PathBuf::from(std::env::var_os(COST_FILE)?);
     let mut code = ExitCode::FAILURE;
-    let cost = cost_of(|| code = anyhit::internals::cli::main());
+    let cost = cost_of(|| code = anyhit::cli::main());
     std::fs::write(file, format!("{} {}", cost.seconds, cost.bytes)).expect("a temporary file");
     Some(code)
 }

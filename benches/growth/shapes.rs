@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use rspirv::spirv::{ExecutionModel, Op, StorageClass};
 
-use anyhit::internals::{module, program};
+use anyhit_engine::{module, program};
 
 use crate::curve::Curve;
 use crate::measure::Work;

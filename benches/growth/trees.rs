@@ -4,7 +4,7 @@ use std::hint::black_box;
 use std::path::Path;
 use std::sync::Arc;
 
-use anyhit::internals::accel::{
+use anyhit_engine::accel::{
     Blas, Cursor, EndCaps, Geometry, GeometryData, GeometryFlags, Indexing, RayFlags, Tlas, TlasInstance,
     TraceRay,
 };

@@ -3,14 +3,13 @@
 
 use std::time::Instant;
 
-use anyhit::internals::accel::GeometryFlags;
+use anyhit_engine::accel::GeometryFlags;
 
-use crate::clock;
 use crate::installed::{Installed, Printed};
 use crate::scene_files::{PICTURE, write_scene};
 use crate::scenes::{self, Scene};
 use crate::table::Table;
-use crate::traverse;
+use crate::{clock, traverse};
 
 /// Sides of the heightfields, of two triangles a cell.
 const SIDES: [u32; 6] = [22, 71, 224, 707, 2236, 7072];

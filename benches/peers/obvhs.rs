@@ -9,7 +9,7 @@ use obvhs::ray::{Ray, RayHit};
 use obvhs::rt_triangle::RtTriangle;
 use obvhs::triangle::Triangle;
 
-use anyhit::internals::accel::GeometryData;
+use anyhit_engine::accel::GeometryData;
 
 use crate::scene_files::PICTURE;
 use crate::scenes;

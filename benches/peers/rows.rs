@@ -1,6 +1,6 @@
 //! The rows of the comparison: one measured here, one at a peer.
 
-use anyhit::internals::accel::GeometryFlags;
+use anyhit_engine::accel::GeometryFlags;
 
 use crate::installed::{Installed, Printed};
 use crate::scene_files::PICTURE;

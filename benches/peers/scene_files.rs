@@ -7,8 +7,8 @@
 
 use std::path::Path;
 
-use anyhit::internals::accel::GeometryData;
-use anyhit::internals::geometry::Ray;
+use anyhit_engine::accel::GeometryData;
+use anyhit_engine::geometry::Ray;
 
 use crate::scenes::{self, Scene};
 

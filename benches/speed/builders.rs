@@ -13,8 +13,8 @@ use obvhs::bvh2::Bvh2;
 use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
 use obvhs::ploc::{PlocBuilder, PlocSearchDistance, SortPrecision};
 
-use anyhit::internals::accel::{Counters, Cursor, GeometryFlags, Primitive, RayFlags, Tlas, TraceRay};
-use anyhit::internals::geometry::{
+use anyhit_engine::accel::{Counters, Cursor, GeometryFlags, Primitive, RayFlags, Tlas, TraceRay};
+use anyhit_engine::geometry::{
     Bounds, Intersection, ObjectRay, Precision, Ray, aabb, linear_swept_sphere, sphere, triangle,
 };
 

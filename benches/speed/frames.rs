@@ -3,10 +3,10 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use anyhit::internals::accel::{GeometryFlags, Tlas};
-use anyhit::internals::machine::{Buffer, Descriptor, Resources};
-use anyhit::internals::pipeline::{Compute, Launch, Pipeline, Stats};
-use anyhit::internals::program::Program;
+use anyhit_engine::accel::{GeometryFlags, Tlas};
+use anyhit_engine::machine::{Buffer, Descriptor, Resources};
+use anyhit_engine::pipeline::{Compute, Launch, Pipeline, Stats};
+use anyhit_engine::program::Program;
 
 use crate::scenes::{self, Scene};
 use crate::table::Table;

@@ -6,13 +6,12 @@ use std::path::Path;
 use plotters::coord::Shift;
 use plotters::prelude::*;
 
-use anyhit::internals::accel::RayFlags;
+use anyhit_engine::accel::RayFlags;
 
 use crate::ready::{build, load_and_lower};
-use crate::scenes;
-use crate::synthetic;
 use crate::table::Table;
 use crate::traverse::measure;
+use crate::{scenes, synthetic};
 
 /// A line in a panel of the picture: a name, and for each size the cost.
 type Series = (&'static str, Vec<(f64, f64)>);
@@ -34,7 +33,7 @@ pub fn run(table: &Table) {
         }
         let scene = scenes::heightfield(cells);
         note(&mut builds, count, build(table, &building, &scene));
-        let tlas = scene.tlas(anyhit::internals::accel::GeometryFlags::OPAQUE);
+        let tlas = scene.tlas(anyhit_engine::accel::GeometryFlags::OPAQUE);
         let rate = measure(table, &tracing, &tlas, &scene.camera.rays(table.picture), RayFlags::default());
         note(&mut rays, count, rate.map(|rate| 1e3 / rate));
     }
@@ -48,7 +47,7 @@ pub fn run(table: &Table) {
             continue;
         }
         let scene = scenes::heightfield(8);
-        let blas = scene.blas(anyhit::internals::accel::GeometryFlags::OPAQUE);
+        let blas = scene.blas(anyhit_engine::accel::GeometryFlags::OPAQUE);
         let took = table.time(&building, || {
             let tlas = scenes::placed(&blas, side);
             format!("{} instances", tlas.instances().len())

@@ -3,8 +3,8 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use anyhit::internals::accel::GeometryFlags;
-use anyhit::internals::pipeline::{Launch, Pipeline};
+use anyhit_engine::accel::GeometryFlags;
+use anyhit_engine::pipeline::{Launch, Pipeline};
 
 use crate::frames::program;
 use crate::scenes::{self, Scene};
@@ -63,16 +63,16 @@ pub fn load_and_lower(table: &Table, name: &str, make: impl FnOnce() -> Vec<u8>)
     }
     let bytes = make();
     let loaded = table.time(&loading, || {
-        let module = anyhit::internals::module::load(&bytes).expect("a valid module");
+        let module = anyhit_engine::module::load(&bytes).expect("a valid module");
         format!(
             "{} instructions",
             module.functions.iter().flat_map(|f| &f.blocks).map(|b| b.instructions.len()).sum::<usize>()
         )
     });
-    let module = Arc::new(anyhit::internals::module::load(&bytes).expect("a valid module"));
+    let module = Arc::new(anyhit_engine::module::load(&bytes).expect("a valid module"));
     let lowered = table.time(&lowering, || {
         let program =
-            anyhit::internals::program::lower(&module, &module.entry_points[0]).expect("a supported module");
+            anyhit_engine::program::lower(&module, &module.entry_points[0]).expect("a supported module");
         format!("{} operations, {} registers", program.ops.len(), program.register_count)
     });
     [loaded, lowered]

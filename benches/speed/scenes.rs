@@ -2,11 +2,11 @@
 
 use std::sync::Arc;
 
-use anyhit::internals::accel::{
+use anyhit_engine::accel::{
     Blas, EndCaps, Geometry, GeometryData, GeometryFlags, Indexing, Packet, RayFlags, Tlas, TlasInstance,
     TraceRay,
 };
-use anyhit::internals::geometry::Ray;
+use anyhit_engine::geometry::Ray;
 
 /// A seeded generator of numbers (splitmix64).
 pub struct Random(pub u64);

@@ -8,12 +8,11 @@ use std::io::{BufRead, BufReader, Write};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use anyhit::internals::machine::Resources;
-use anyhit::internals::pipeline::{Launch, Pipeline};
+use anyhit_engine::machine::Resources;
+use anyhit_engine::pipeline::{Launch, Pipeline};
 
-use crate::clock;
-use crate::frames;
 use crate::table::Table;
+use crate::{clock, frames};
 
 /// How many threads, and processes: powers of two up to the processors, and 4 at least.
 fn counts() -> Vec<usize> {

@@ -1,7 +1,7 @@
 //! Benchmarks of traversal and intersection alone, on one thread, and of their scaling.
 
-use anyhit::internals::accel::{Counters, Cursor, GeometryFlags, Packet, RayFlags, Tlas, TraceRay};
-use anyhit::internals::geometry::Ray;
+use anyhit_engine::accel::{Counters, Cursor, GeometryFlags, Packet, RayFlags, Tlas, TraceRay};
+use anyhit_engine::geometry::Ray;
 
 use crate::scenes::{self, Scene};
 use crate::table::Table;

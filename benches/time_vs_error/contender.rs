@@ -1,11 +1,11 @@
 //! The contenders: this crate in its three precisions, and formulas as they are published, in
 //! plain f32. Every contender has a test of a block of four and a test of one lane that passed it.
 
-use anyhit::internals::geometry::block::{self, BoxRay, CullRay, ShearedRay};
-use anyhit::internals::geometry::{
+use anyhit_engine::geometry::block::{self, BoxRay, CullRay, ShearedRay};
+use anyhit_engine::geometry::{
     Bounds, DoubleRay, Intersection, ObjectRay, Precision, Ray, Transform, Verdict,
 };
-use anyhit::internals::math::lane_ops::LaneOps;
+use anyhit_engine::math::lane_ops::LaneOps;
 
 use crate::shape::Shape;
 

@@ -1,8 +1,8 @@
 //! The exact results, by the rational reference of `anyhit stress`.
 
-use anyhit::internals::geometry::{Bounds, Ray};
-use anyhit::internals::math::ulp_error;
-use anyhit::internals::stress::reference::ObjectLine;
+use anyhit_engine::geometry::{Bounds, Ray};
+use anyhit_engine::math::ulp_error;
+use anyhit_stress::reference::ObjectLine;
 
 use crate::scene::Scene;
 use crate::shape::Shape;

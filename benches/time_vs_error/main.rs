@@ -12,7 +12,7 @@
 //! several rounds in one run, with several copies of their primitives, once unmeasured for the
 //! caches and once more; times are processor time of one thread, medians over the rounds, and so
 //! are the ratios to the exact mode within a round. "engine" is the traversal that shaders get
-//! ([`anyhit::internals::accel::Cursor`]). Errors are judged by rational arithmetic on a part of
+//! ([`anyhit_engine::accel::Cursor`]). Errors are judged by rational arithmetic on a part of
 //! the rays.
 
 #![allow(clippy::print_stdout, reason = "a table is printed")]
@@ -30,10 +30,10 @@ mod tree;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use anyhit::internals::accel::{Blas, Cursor, RayFlags, Tlas, TlasInstance, TraceRay};
-use anyhit::internals::geometry::block::{self, ShearedRay};
-use anyhit::internals::geometry::{Precision, Ray};
-use anyhit::internals::math::lane_ops::CpuTier;
+use anyhit_engine::accel::{Blas, Cursor, RayFlags, Tlas, TlasInstance, TraceRay};
+use anyhit_engine::geometry::block::{self, ShearedRay};
+use anyhit_engine::geometry::{Precision, Ray};
+use anyhit_engine::math::lane_ops::CpuTier;
 
 use contender::{Contender, DOUBLE, EXACT, ExactTriangles, FLOAT, Ours};
 use judge::Errors;

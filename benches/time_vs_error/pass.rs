@@ -1,7 +1,7 @@
 //! The traversal loop that all contenders share.
 
-use anyhit::internals::geometry::Ray;
-use anyhit::internals::math::lane_ops::{LaneOps, LaneTask};
+use anyhit_engine::geometry::Ray;
+use anyhit_engine::math::lane_ops::{LaneOps, LaneTask};
 
 use crate::contender::{Contender, PlacedInstance};
 use crate::scene::Scene;

@@ -1,9 +1,9 @@
 //! The scenes and the rays: half of them from a camera, half in random directions.
 
-use anyhit::internals::accel::{EndCaps, GeometryData, Indexing};
-use anyhit::internals::geometry::{Bounds, Ray, Transform};
-use anyhit::internals::math::random::Random;
-use anyhit::internals::scene::generate::{Chains, Grass, Ground, Hair, SphereScatter, UniformRange};
+use anyhit_engine::accel::{EndCaps, GeometryData, Indexing};
+use anyhit_engine::geometry::{Bounds, Ray, Transform};
+use anyhit_engine::math::random::Random;
+use anyhit_scene::generate::{Chains, Grass, Ground, Hair, SphereScatter, UniformRange};
 
 use crate::contender::PlacedInstance;
 use crate::shape::{Corners, Shape};

@@ -1,6 +1,6 @@
 //! Primitives by value, as the contenders take them.
 
-use anyhit::internals::accel::{Geometry, GeometryData, GeometryFlags, Primitive};
+use anyhit_engine::accel::{Geometry, GeometryData, GeometryFlags, Primitive};
 
 /// The least and the greatest corner of a box.
 pub type Corners = [[f32; 3]; 2];

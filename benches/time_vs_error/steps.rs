@@ -1,7 +1,7 @@
 //! Counts the step at which the tests of the exact mode end: culling, filter or exact arithmetic.
 
-use anyhit::internals::geometry::{ObjectRay, aabb, block, linear_swept_sphere, sphere, triangle};
-use anyhit::internals::math::lane_ops::{CpuTier, LaneOps, LaneTask};
+use anyhit_engine::geometry::{ObjectRay, aabb, block, linear_swept_sphere, sphere, triangle};
+use anyhit_engine::math::lane_ops::{CpuTier, LaneOps, LaneTask};
 
 use crate::contender::{Contender, EXACT, ExactTriangles, Ours};
 use crate::pass::{ContenderScene, SceneBvhs};

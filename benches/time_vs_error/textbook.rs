@@ -1,9 +1,9 @@
 //! Published intersection formulas of textbooks and articles, in f32. None has an error bound.
 #![allow(clippy::needless_range_loop, reason = "an axis numbers several arrays")]
 
-use anyhit::internals::geometry::{Bounds, Ray};
-use anyhit::internals::math::f32x4::F32x4;
-use anyhit::internals::math::lane_ops::LaneOps;
+use anyhit_engine::geometry::{Bounds, Ray};
+use anyhit_engine::math::f32x4::F32x4;
+use anyhit_engine::math::lane_ops::LaneOps;
 
 use crate::contender::{Contender, PlacedInstance};
 use crate::shape::Shape;

@@ -1,8 +1,8 @@
 //! The BVH and the leaf loop that all contenders share: four-wide nodes over leaves of one block.
 
-use anyhit::internals::geometry::Ray;
-use anyhit::internals::math::f32x4::F32x4;
-use anyhit::internals::math::lane_ops::LaneOps;
+use anyhit_engine::geometry::Ray;
+use anyhit_engine::math::f32x4::F32x4;
+use anyhit_engine::math::lane_ops::LaneOps;
 
 use crate::contender::PlacedInstance;
 use crate::shape::Corners;

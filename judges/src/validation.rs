@@ -55,12 +55,8 @@ const DECLARATION: &[&str] = &[
 ];
 
 /// Parts of complaints about layouts.
-const LAYOUT: &[&str] = &[
-    " layout rules",
-    "explicitly laid out",
-    "OpTypeRuntimeArray-04680",
-    "OpTypeBool is stored",
-];
+const LAYOUT: &[&str] =
+    &[" layout rules", "explicitly laid out", "OpTypeRuntimeArray-04680", "OpTypeBool is stored"];
 
 /// The class of a complaint; `None` where `Module::validate` leaves the rule to others.
 pub fn class_of(message: &str) -> Option<Complaint> {

@@ -20,8 +20,8 @@ pub type Theirs = Result<(), String>;
 
 /// Runs every entry point of a module on made-up inputs: the bugs of ours that this meets.
 pub fn run(words: &[u32]) -> Result<(), String> {
-    use anyhit::internals::harness::smoke::{SmokeOptions, SmokeReport, SmokeVerdict};
-    let Ok(module) = anyhit::internals::module::load(&bytes(words)) else { return Ok(()) };
+    use anyhit_cases::smoke::{SmokeOptions, SmokeReport, SmokeVerdict};
+    let Ok(module) = anyhit_engine::module::load(&bytes(words)) else { return Ok(()) };
     let module: Arc<Module> = Arc::new(module);
     let options = SmokeOptions::default().fuel(1 << 10).total_fuel(1 << 14);
     let report = catch_unwind(AssertUnwindSafe(|| SmokeReport::of(&module, options)));

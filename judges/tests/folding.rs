@@ -15,8 +15,8 @@ mod assembly;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use anyhit::internals::machine::{Buffer, Descriptor, Resources};
-use anyhit::internals::pipeline::Compute;
+use anyhit_engine::machine::{Buffer, Descriptor, Resources};
+use anyhit_engine::pipeline::Compute;
 use anyhit_judges::{Recipe, optimise, words};
 use rspirv::dr::{Module, Operand};
 use rspirv::spirv::Op;
@@ -566,8 +566,9 @@ fn stored(ty: Type) -> Type {
 
 /// What our interpreter stores, the same at 1, 8 and 64 lanes.
 fn ours(snippet: &Snippet, inputs: &[Vec<u64>], code: &[u8]) -> Vec<u64> {
-    let module = Arc::new(anyhit::internals::module::load(code).unwrap_or_else(|error| panic!("{}", error.render())));
-    let program = anyhit::internals::program::lower(&module, &module.entry_points[0]);
+    let module =
+        Arc::new(anyhit_engine::module::load(code).unwrap_or_else(|error| panic!("{}", error.render())));
+    let program = anyhit_engine::program::lower(&module, &module.entry_points[0]);
     let program = program.unwrap_or_else(|error| panic!("{}: {}", snippet.name, error.render()));
     let compute = Compute::new(program).expect("a compute shader");
     let width = stored(snippet.result).width() as usize / 8;

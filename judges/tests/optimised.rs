@@ -4,11 +4,11 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use anyhit::internals::harness::case::{Case, Loaded};
-use anyhit::internals::harness::expect::{Difference, Observed};
-use anyhit::internals::harness::run::{RayMeasurements, run_ray};
-use anyhit::internals::scene::resolved::ShaderCode;
+use anyhit_cases::case::{Case, Loaded};
+use anyhit_cases::expect::{Difference, Observed};
+use anyhit_cases::run::{RayMeasurements, run_ray};
 use anyhit_judges::{Recipe, bytes, optimise, words};
+use anyhit_scene::resolved::ShaderCode;
 
 /// Modules that were optimised, and cases that were then met, with each recipe when this was
 /// written; there are more now or the judge has lost some.
@@ -72,7 +72,7 @@ fn cases_are_met_with_optimised_modules() {
 /// As `Case::check` does, with the modules as they stand in the scene.
 fn check(mut loaded: Loaded) -> Result<(), String> {
     let told = |error: anyhit::Error| error.render();
-    loaded.assembled = anyhit::internals::scene::assemble(&loaded.scene).map_err(told)?;
+    loaded.assembled = anyhit_scene::assemble(&loaded.scene).map_err(told)?;
     let observed: Observed = loaded.widths().map_err(told)?;
     let mut differences = loaded.expectations.differences(&observed);
     for (at, expect) in loaded.rays.iter().enumerate() {

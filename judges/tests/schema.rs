@@ -4,7 +4,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhit::LoadedScene;
-use anyhit::internals::harness::case::scenes;
+use anyhit_cases::case::scenes;
 use serde_json::Value;
 
 fn schema() -> jsonschema::Validator {

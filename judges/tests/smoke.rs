@@ -5,7 +5,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use anyhit::internals::harness::smoke::{EntryReport, SmokeOptions, SmokeReport, SmokeVerdict};
+use anyhit_cases::smoke::{EntryReport, SmokeOptions, SmokeReport, SmokeVerdict};
 use anyhit_judges::{Recipe, bytes, optimise, words};
 use rayon::prelude::*;
 
@@ -14,7 +14,7 @@ mod files;
 
 /// Every entry point's name, its verdict and those of its runs.
 fn verdicts(words: &[u32]) -> Result<Vec<(String, SmokeVerdict, Vec<(&'static str, SmokeVerdict)>)>, String> {
-    let module = Arc::new(anyhit::internals::module::load(&bytes(words)).map_err(|error| error.render())?);
+    let module = Arc::new(anyhit_engine::module::load(&bytes(words)).map_err(|error| error.render())?);
     let told = |entry: EntryReport| {
         let runs = entry.runs.iter().filter(|run| !run.is_note());
         let runs = runs.map(|run| (run.with, run.result)).collect();

@@ -15,7 +15,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
-use anyhit::internals::module;
+use anyhit_engine::module;
 use anyhit_judges::list::{self, Entry};
 use anyhit_judges::mutate::{Original, Random};
 use anyhit_judges::process::ToolProcess;

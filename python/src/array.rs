@@ -1,7 +1,7 @@
 //! Arrays of numpy as slices, without a copy. An array of another dtype or layout is an error that
 //! says what to call; the numbers of lists and tuples are converted one by one.
 
-use anyhit::internals::harness::data::HostBytes;
+use anyhit_unit_test::data::HostBytes;
 use numpy::{Element, PyArrayDescrMethods, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn};
 use numpy::{PyUntypedArray, PyUntypedArrayMethods};
 use pyo3::prelude::*;

@@ -1,8 +1,7 @@
 //! The module `anyhit._anyhit`: the crate's public face for Python, with numpy arrays for what is
 //! many. `anyhit/__init__.py` names what is public, `anyhit/_anyhit.pyi` its types.
 //!
-//! Names are those of the crate. What the crate's public face lacks is taken from
-//! `anyhit::internals`.
+//! Names are those of the crate. What its public face lacks is taken from the crates below it.
 
 mod array;
 mod error;

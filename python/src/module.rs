@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use anyhit::Stage;
-use anyhit::internals::module::names::capability_name;
+use anyhit_engine::module::names::capability_name;
 use pyo3::prelude::*;
 
 use crate::error::{invalid, raised};

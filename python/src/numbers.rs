@@ -1,8 +1,8 @@
 //! Python's numbers, lists and dicts as scalars for the members of a shader's value. The crate
 //! alone decides what becomes of a scalar: docs/testing.md, "Value conversions".
 
-use anyhit::internals::module::ty::Type;
 use anyhit::{NestedScalars, ScalarValue, Value};
+use anyhit_engine::module::ty::Type;
 use numpy::{PyArrayDescrMethods, PyUntypedArray, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict, PyFloat, PyInt, PyList, PyRange, PyTuple};

@@ -1,7 +1,7 @@
 //! What launches and shaders left behind: buffers and images as shaders left them.
 
-use anyhit::internals::machine::format::Class;
 use anyhit::{Explain, Format, Stats, Texels};
+use anyhit_engine::machine::format::Class;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 

@@ -1,8 +1,9 @@
 //! The payload of a pipeline's rays: its shape, and the dtype of numpy for rows of it.
 
 use anyhit::Value;
-use anyhit::internals::harness::layout::{Layout, Rules};
-use anyhit::internals::ops::pointer::storage;
+use anyhit_engine::ops::pointer::storage;
+use anyhit_engine::program::layout::{Layout, Rules};
+use anyhit_unit_test::layout::LayoutValues;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyString, PyTuple};
 

@@ -2,10 +2,10 @@
 
 use std::path::PathBuf;
 
-use anyhit::internals::geometry::Precision;
-use anyhit::internals::harness::data::HostBytes;
-use anyhit::internals::machine::format::Class;
 use anyhit::{Format, Image, ImageShape, StructData};
+use anyhit_engine::geometry::Precision;
+use anyhit_engine::machine::format::Class;
+use anyhit_unit_test::data::HostBytes;
 use numpy::PyUntypedArrayMethods;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;

@@ -1,9 +1,9 @@
 //! Adversarial rays, judged by an exact reference: shares of what `anyhit stress` draws.
 
-use anyhit::internals::geometry::Precision;
-use anyhit::internals::stress::judge::check_caught;
-use anyhit::internals::stress::minimise::minimise;
-use anyhit::internals::stress::{Tally, case};
+use anyhit_engine::geometry::Precision;
+use anyhit_stress::judge::check_caught;
+use anyhit_stress::minimise::minimise;
+use anyhit_stress::{Tally, case};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 use rayon::prelude::*;

@@ -2,13 +2,13 @@
 
 use std::path::PathBuf;
 
-use anyhit::internals::harness::many_seeds::ManySeeds;
-use anyhit::internals::harness::shares::Shard;
-use anyhit::internals::harness::stability::Perturbation;
-use anyhit::internals::harness::suite::{self, Outcome, SuiteOptions};
-use anyhit::internals::input::RootFolder;
-use anyhit::internals::sanitize::Levels;
-use anyhit::internals::scene::SceneFiles;
+use anyhit_base::input::RootFolder;
+use anyhit_cases::many_seeds::ManySeeds;
+use anyhit_cases::shares::Shard;
+use anyhit_cases::stability::Perturbation;
+use anyhit_cases::suite::{self, Outcome, SuiteOptions};
+use anyhit_sanitize::Levels;
+use anyhit_scene::SceneFiles;
 use pyo3::exceptions::PyIndexError;
 use pyo3::prelude::*;
 

@@ -202,7 +202,7 @@ impl Rays<'_> {
         for at in range {
             let operands = self.operands(at);
             let ray = operands.trace.ray;
-            columns.push(ray, pipeline.trace_in_place(scene, operands).map_err(|error| (at, error))?);
+            columns.push(ray, scene.trace_in_place(pipeline, operands).map_err(|error| (at, error))?);
         }
         Ok(columns)
     }
@@ -280,7 +280,7 @@ pub(crate) fn trace(
         payload_words: pipeline.payload_words(),
         operands: &arguments.operands,
     };
-    let (pipeline, scene) = pipeline.copied_for_run(scene);
+    let (pipeline, scene) = scene.copied_for_run(pipeline);
     let columns = py.detach(|| rays.trace_all(&pipeline, &scene));
     columns.map_err(|(at, error)| raised_of_ray(error, at))?.into_arrays(py, shape.as_ref(), scene)
 }

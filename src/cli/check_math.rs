@@ -3,14 +3,14 @@
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::Value;
 
-use crate::check_math::float_width::FloatWidth;
-use crate::check_math::function::{CheckedFunction, FUNCTIONS};
-use crate::check_math::{self, CheckMathReport, CheckMathSettings};
 use crate::cli::output;
 use crate::cli::share::ShareArgs;
-use crate::error::{Error, ErrorKind, Result};
-use crate::harness::shares::ShareResults;
-use crate::harness::shares::check_math::{CheckMathResult, CheckMathWhole};
+use anyhit_base::error::{Error, ErrorKind, Result};
+use anyhit_cases::shares::ShareResults;
+use anyhit_cases::shares::check_math::{CheckMathResult, CheckMathWhole};
+use anyhit_stress::check_math::float_width::FloatWidth;
+use anyhit_stress::check_math::function::{CheckedFunction, FUNCTIONS};
+use anyhit_stress::check_math::{self, CheckMathReport, CheckMathSettings};
 
 /// Compare every elementary function with its correctly rounded result, over all f16 and f32
 /// inputs.

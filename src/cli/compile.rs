@@ -4,15 +4,15 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use crate::atomic_file;
 use crate::cli::input::InputLimitArgs;
 use crate::cli::output;
 use crate::cli::source::SourceArgs;
-use crate::compile::{
+use anyhit_base::atomic_file;
+use anyhit_base::error::{Error, ErrorKind, Result};
+use anyhit_base::input::InputLimits;
+use anyhit_compile::{
     CompileOptions, DebugInfoLevel, Optimize, Source, SourceWords, compile_with_warnings, fixtures,
 };
-use crate::error::{Error, ErrorKind, Result};
-use crate::input::InputLimits;
 
 /// Compile GLSL, WGSL, Slang or HLSL to SPIR-V.
 #[derive(Args, Clone, Debug)]

@@ -12,11 +12,11 @@ use serde_json::Value;
 use crate::cli::input::SceneFileArgs;
 use crate::cli::limits::LimitArgs;
 use crate::cli::output;
-use crate::debug::adapter::{Adapter, Host, InterruptFlags};
-use crate::error::{Error, Result};
-use crate::input::InputLimit;
-use crate::machine::LaunchLimits;
-use crate::scene::{Files, LoadOptions, ResolvedScene, SceneFiles, load};
+use anyhit_base::error::{Error, Result};
+use anyhit_base::input::InputLimit;
+use anyhit_debugger::adapter::{Adapter, Host, InterruptFlags};
+use anyhit_engine::machine::LaunchLimits;
+use anyhit_scene::{Files, LoadOptions, ResolvedScene, SceneFiles, load};
 
 /// The most bytes of a message that are read: breakpoints of many files take less.
 const MOST_MESSAGE_BYTES: u64 = 16 << 20;

@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use crate::error::Result;
-use crate::input::limits::LimitSetting;
-use crate::input::{InputLimit, InputLimits, RootFolder, STANDARD_INPUT, is_stream, read_argument};
-use crate::scene::{LoadOptions, ResolvedScene, SceneFiles, load_bytes};
+use anyhit_base::error::Result;
+use anyhit_base::input::limits::LimitSetting;
+use anyhit_base::input::{InputLimit, InputLimits, RootFolder, STANDARD_INPUT, is_stream, read_argument};
+use anyhit_scene::{LoadOptions, ResolvedScene, SceneFiles, load_bytes};
 
 /// Limits of what is read and of what it may ask for.
 #[derive(Args, Clone, Debug, Default)]

@@ -10,23 +10,23 @@ use serde::Serialize;
 use crate::cli::input::{InputLimitArgs, StrictArgs};
 use crate::cli::source::SourceArgs;
 use crate::cli::{module_file, output};
-use crate::error::{Error, ErrorKind, ErrorReport, Result};
-use crate::escape;
-use crate::harness::host_layout::compare::LayoutComparison;
-use crate::harness::host_layout::source::HostSource;
-use crate::harness::host_layout::{self, HostType};
-use crate::machine::ShaderIndex;
-use crate::module::Module;
-use crate::module::interface::{EntryPoint, InterfaceVariable};
-use crate::module::names::{
+use anyhit_base::error::{Error, ErrorKind, ErrorReport, Result};
+use anyhit_base::escape;
+use anyhit_engine::machine::ShaderIndex;
+use anyhit_engine::module::Module;
+use anyhit_engine::module::interface::{EntryPoint, InterfaceVariable};
+use anyhit_engine::module::names::{
     addressing_model_name, builtin_name, capability_name, memory_model_name, storage_class_name,
 };
-use crate::module::validate::ValidationFinding;
-use crate::program::layout::{Layout, Rules};
-use crate::program::struct_lookup::{StructTable, base_name, find, name_of, structs};
-use crate::program::{self, obstacles};
-use crate::sanitize::module_checks::check_module;
-use crate::sanitize::{Findings, Levels};
+use anyhit_engine::module::validate::ValidationFinding;
+use anyhit_engine::program::layout::{Layout, Rules};
+use anyhit_engine::program::struct_lookup::{StructTable, base_name, find, name_of, structs};
+use anyhit_engine::program::{self, obstacles};
+use anyhit_sanitize::module_checks::check_module;
+use anyhit_sanitize::{Findings, Levels};
+use anyhit_unit_test::host_struct::compare::LayoutComparison;
+use anyhit_unit_test::host_struct::source::HostSource;
+use anyhit_unit_test::host_struct::{self, HostType};
 
 /// List a module's entry points, interface, requirements, unsupported features and broken rules
 ///
@@ -144,7 +144,7 @@ fn compare_layouts(
 ) -> Result<Vec<Error>> {
     let compare = |layout, host_type: HostType| {
         let title = format!("{} in {}", host_type.name(), host.name());
-        host_layout::compare::compare(layout, &host_type, &title)
+        host_struct::compare::compare(layout, &host_type, &title)
     };
     let comparisons = match (name, host_name) {
         (Some(name), _) => {

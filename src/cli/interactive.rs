@@ -13,9 +13,9 @@ use rustyline::validate::Validator;
 use rustyline::{Config, Context, Editor, Helper};
 
 use crate::cli::output;
-use crate::debug::console::{Console, PROMPT, run_script};
-use crate::debug::debugger::Debugger;
-use crate::error::{Error, ErrorKind, Result};
+use anyhit_base::error::{Error, ErrorKind, Result};
+use anyhit_debugger::console::{Console, PROMPT, run_script};
+use anyhit_debugger::debugger::Debugger;
 
 /// Reads commands and answers them, until `quit` or the end of the input. A script's commands are
 /// printed before their answers, so that the whole reads as a transcript.

@@ -6,7 +6,7 @@
 pub(super) fn prepare() {
     // The signal would end the program. A handler that does nothing leaves the error of the write.
     let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, std::sync::Arc::default());
-    crate::atomic_file::before_first(watch);
+    anyhit_base::atomic_file::before_first(watch);
 }
 
 /// There is no way to do so here without unsafe code: what is left is swept later.
@@ -25,7 +25,7 @@ fn watch() {
     let Ok(mut signals) = Signals::new(signals) else { return };
     let wait = move || {
         for signal in signals.forever() {
-            crate::atomic_file::abandon_all();
+            anyhit_base::atomic_file::abandon_all();
             // Ends the program as the signal would have.
             let _ = emulate_default_handler(signal);
         }

@@ -5,8 +5,8 @@ use std::time::Duration;
 use clap::Args;
 
 use crate::cli::numbers;
-use crate::machine::{LaunchFuel, LaunchLimits};
-use crate::scene::RunLimits;
+use anyhit_engine::machine::{LaunchFuel, LaunchLimits};
+use anyhit_scene::RunLimits;
 
 /// Limits of a whole launch.
 #[derive(Args, Clone, Copy, Debug, Default)]
@@ -85,7 +85,7 @@ impl LimitArgs {
 
 fn callable_depth(text: &str) -> Result<u32, String> {
     let depth = text.parse().map_err(|_| "expected an integer".to_owned())?;
-    crate::pipeline::check_callable_depth(depth).map_err(|error| error.message().to_owned())?;
+    anyhit_engine::pipeline::check_callable_depth(depth).map_err(|error| error.message().to_owned())?;
     Ok(depth)
 }
 

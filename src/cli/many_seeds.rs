@@ -8,12 +8,12 @@ use clap::{ArgGroup, Args};
 use crate::cli::numbers;
 use crate::cli::sanitize::SanitizeArgs;
 use crate::cli::stability::StabilityArgs;
-use crate::debug::session::ResolvedRequest;
-use crate::debug::shell;
-use crate::error::Result;
-use crate::harness::many_seeds::{FloatChoices, ManySeeds};
-use crate::sanitize::Findings;
-use crate::scene::{Assembled, ResolvedScene};
+use anyhit_base::error::Result;
+use anyhit_cases::many_seeds::{FloatChoices, ManySeeds};
+use anyhit_debugger::session::ResolvedRequest;
+use anyhit_debugger::shell;
+use anyhit_sanitize::Findings;
+use anyhit_scene::{Assembled, ResolvedScene};
 
 /// Runs with drawn choices.
 #[derive(Args, Clone, Debug)]

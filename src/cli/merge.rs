@@ -2,7 +2,6 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::atomic_file;
 #[cfg(feature = "stress")]
 use crate::cli::check_math;
 use crate::cli::input::InputLimitArgs;
@@ -12,18 +11,18 @@ use crate::cli::smoke::modules;
 #[cfg(feature = "stress")]
 use crate::cli::stress;
 use crate::cli::suite_report::{ReportFormat, SuiteFiles, check_formats, print_end, print_test, verdict};
-use crate::error::{Error, ErrorKind, Place, Result};
-use crate::escape;
+use anyhit_base::error::{Error, ErrorKind, Place, Result};
+use anyhit_base::input::{InputLimit, InputLimits, read_argument};
+use anyhit_base::{atomic_file, escape};
 #[cfg(feature = "stress")]
-use crate::harness::shares::check_math::CheckMathResult;
-use crate::harness::shares::render::RenderResult;
-use crate::harness::shares::smoke::SmokeResult;
+use anyhit_cases::shares::check_math::CheckMathResult;
+use anyhit_cases::shares::render::RenderResult;
+use anyhit_cases::shares::smoke::SmokeResult;
 #[cfg(feature = "stress")]
-use crate::harness::shares::stress::StressResult;
-use crate::harness::shares::{ShareResult, ShareResults, command_of};
-use crate::harness::suite::SuiteResult;
-use crate::input::{InputLimit, InputLimits, read_argument};
-use crate::scene::image::{PictureKind, PixelEncoding, write_picture};
+use anyhit_cases::shares::stress::StressResult;
+use anyhit_cases::shares::{ShareResult, ShareResults, command_of};
+use anyhit_cases::suite::SuiteResult;
+use anyhit_scene::image::{PictureKind, PixelEncoding, write_picture};
 
 /// Merge the results that `--result` wrote on several machines into one report.
 ///

@@ -27,6 +27,7 @@ mod render;
 mod run;
 mod sanitize;
 mod scene;
+pub mod scene_schema;
 mod schema;
 mod share;
 mod smoke;
@@ -47,8 +48,8 @@ use clap::builder::{PossibleValue, PossibleValuesParser};
 use clap::error::{ContextKind, ContextValue};
 use clap::{CommandFactory, Parser};
 
-use crate::error::Result;
-use crate::escape;
+use anyhit_base::error::Result;
+use anyhit_base::escape;
 
 /// Generates the enum of commands and its dispatch from one line for each command: the file, the
 /// variant, the arguments.

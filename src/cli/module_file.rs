@@ -3,15 +3,15 @@
 use std::path::Path;
 
 use crate::cli::output;
-use crate::compile::{
+use anyhit_base::error::{Error, ErrorKind, Place, Result};
+use anyhit_base::escape;
+use anyhit_base::input::{InputLimit, InputLimits, read_argument};
+use anyhit_compile::{
     CompileOptions, DebugInfoLevel, SOURCE_EXTENSIONS, Source, SourceSettings, SourceWords,
     compile_once_with_warnings,
 };
-use crate::debug::shell;
-use crate::error::{Error, ErrorKind, Place, Result};
-use crate::escape;
-use crate::input::{InputLimit, InputLimits, read_argument};
-use crate::module::{self, Module};
+use anyhit_debugger::shell;
+use anyhit_engine::module::{self, Module};
 
 /// Loads a SPIR-V file.
 ///

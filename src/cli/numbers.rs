@@ -3,7 +3,7 @@
 use std::ops::Range;
 use std::time::Duration;
 
-use crate::error::{Error, ErrorKind};
+use anyhit_base::error::{Error, ErrorKind};
 
 /// A whole number from 1 on.
 ///

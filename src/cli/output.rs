@@ -7,11 +7,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::builder::{PathBufValueParser, TypedValueParser};
 
-use crate::atomic_file;
-use crate::error::{Error, ErrorReport, Result, Warning};
-use crate::escape;
-use crate::machine::Printed;
-use crate::scene::image::PictureKind;
+use anyhit_base::error::{Error, ErrorReport, Result, Warning};
+use anyhit_base::{atomic_file, escape};
+use anyhit_engine::machine::Printed;
+use anyhit_scene::image::PictureKind;
 
 /// Prints a report to standard output, hidden characters as [`escape::text`] shows them.
 ///
@@ -159,7 +158,7 @@ pub(super) fn is_plain() -> bool {
 pub(super) fn report(error: &Error) {
     let is_helped = error.notes().iter().any(|note| note.starts_with("help: "));
     let error = match error.kind() {
-        crate::error::ErrorKind::InvalidArgument if !is_helped => {
+        anyhit_base::error::ErrorKind::InvalidArgument if !is_helped => {
             &error.clone().note("help: run `anyhit help COMMAND` for its arguments")
         }
         _ => error,

@@ -4,12 +4,13 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 
-use crate::atomic_file;
 use crate::cli::numbers;
-use crate::debug::line_recorder::FollowedRuns;
-use crate::debug::render::PageFilter;
-use crate::debug::{Session, Transcript};
-use crate::error::Result;
+use anyhit_base::atomic_file;
+use anyhit_base::error::Result;
+use anyhit_debugger::Session;
+use anyhit_debugger::line_recorder::FollowedRuns;
+use anyhit_explain::Transcript;
+use anyhit_explain::render::PageFilter;
 
 /// The shaders whose lines are shown with the values of variables.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]

@@ -2,7 +2,7 @@
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 
-use crate::geometry::Precision;
+use anyhit_engine::geometry::Precision;
 
 /// Parses a precision, and lists them in the help.
 pub(super) fn parser() -> impl TypedValueParser<Value = Precision> {

@@ -18,19 +18,19 @@ use crate::cli::sanitize::SanitizeArgs;
 use crate::cli::share::ShareArgs;
 use crate::cli::stability::StabilityArgs;
 use crate::cli::{output, precision, stats};
-use crate::debug::shell;
-use crate::error::{Error, ErrorKind, Place, Result};
-use crate::escape;
-use crate::geometry::Precision;
-use crate::harness::shares::render::RenderWhole;
-use crate::harness::stability::deep_copy;
-use crate::machine::LaunchLimits;
-use crate::machine::image::ImageShape;
-use crate::pipeline::{Band, BandedLaunch, Stats, StreamedImage};
-use crate::scene::image::{PictureKind, stream_png, write_picture};
-use crate::scene::image_entry::ImageContent;
-use crate::scene::resources::Resource;
-use crate::scene::{self, Assembled, LoadOptions, ResolvedScene, resolved};
+use anyhit_base::error::{Error, ErrorKind, Place, Result};
+use anyhit_base::escape;
+use anyhit_cases::shares::render::RenderWhole;
+use anyhit_cases::stability::deep_copy;
+use anyhit_debugger::shell;
+use anyhit_engine::geometry::Precision;
+use anyhit_engine::machine::LaunchLimits;
+use anyhit_engine::machine::image::ImageShape;
+use anyhit_engine::pipeline::{Band, BandedLaunch, Stats, StreamedImage};
+use anyhit_scene::image::{PictureKind, stream_png, write_picture};
+use anyhit_scene::image_entry::ImageContent;
+use anyhit_scene::resources::Resource;
+use anyhit_scene::{Assembled, LoadOptions, ResolvedScene, resolved};
 
 /// Render a scene to a picture.
 ///
@@ -128,7 +128,7 @@ pub(super) fn run(args: RenderArgs) -> Result<()> {
     };
     let mut encoding = resolved.encoding_of(output);
     encoding.keep_alpha |= args.alpha;
-    let mut assembled = scene::assemble_without(&resolved, output)?;
+    let mut assembled = anyhit_scene::assemble_without(&resolved, output)?;
     output::notes(&assembled.notes);
     let streamed = StreamedImage {
         texel: image.texels.bytes()?.into_owned(),
@@ -163,8 +163,8 @@ pub(super) fn run(args: RenderArgs) -> Result<()> {
             let with_reason = |error: Error| {
                 error.at(output.place.clone()).note(format!("the whole image is held in memory: {why}"))
             };
-            let image = scene::assemble::image(image, &resolved.files.limits).map_err(with_reason)?;
-            scene::assemble::bind_image(&resolved, output, &image, &mut assembled.resources);
+            let image = anyhit_scene::assemble::image(image, &resolved.files.limits).map_err(with_reason)?;
+            anyhit_scene::assemble::bind_image(&resolved, output, &image, &mut assembled.resources);
             (None, Some(image))
         }
     };
@@ -348,7 +348,7 @@ fn load(args: &RenderArgs, streams: bool) -> Result<ResolvedScene> {
     };
     let mut scene = match &args.scene {
         Some(path) => args.files.scene(path, &options)?,
-        None => scene::demo::scene(&options)?,
+        None => crate::demo::scene(&options)?,
     };
     output::notes(&scene.notes);
     args.limits.limits(LaunchLimits::default()).give(&mut scene);

@@ -9,19 +9,19 @@ use std::time::Instant;
 
 use clap::Args;
 
-use crate::atomic_file;
 use crate::cli::input::{SceneFileArgs, VariantArgs, name_of};
 use crate::cli::limits::LimitArgs;
 use crate::cli::many_seeds::{ManySeedsArgs, command_line};
 use crate::cli::sanitize::SanitizeArgs;
 use crate::cli::stability::StabilityArgs;
 use crate::cli::{output, precision, stats};
-use crate::error::Result;
-use crate::geometry::Precision;
-use crate::input::{InputLimit, is_stream, read_argument};
-use crate::machine::{LaunchLimits, MemoryPolicy};
-use crate::scene::image::{PictureKind, PixelEncoding, write_picture};
-use crate::scene::{self, LoadOptions, ResolvedScene};
+use anyhit_base::atomic_file;
+use anyhit_base::error::Result;
+use anyhit_base::input::{InputLimit, is_stream, read_argument};
+use anyhit_engine::geometry::Precision;
+use anyhit_engine::machine::{LaunchLimits, MemoryPolicy};
+use anyhit_scene::image::{PictureKind, PixelEncoding, write_picture};
+use anyhit_scene::{LoadOptions, ResolvedScene};
 
 /// Run a scene's launch and dispatches, or the compute shader of a bare module.
 ///
@@ -98,7 +98,9 @@ pub(super) fn run(args: RunArgs) -> Result<()> {
             let files = args.files.reading_all(!args.dump.is_empty() || !args.save.is_empty());
             match streamed {
                 None => files.scene(&args.file, &options)?,
-                Some(bytes) => scene::load_bytes(&name_of(&args.file), bytes, &files.files()?, &options)?,
+                Some(bytes) => {
+                    anyhit_scene::load_bytes(&name_of(&args.file), bytes, &files.files()?, &options)?
+                }
             }
         }
         false if args.precision.is_some() => {
@@ -122,7 +124,7 @@ pub(super) fn run(args: RunArgs) -> Result<()> {
 fn run_scene(args: &RunArgs, mut scene: ResolvedScene, is_scene: bool, begin: Instant) -> Result<()> {
     output::notes(&scene.notes);
     args.limits.limits(LaunchLimits::default()).give(&mut scene);
-    let mut assembled = scene::assemble(&scene)?;
+    let mut assembled = anyhit_scene::assemble(&scene)?;
     output::notes(&assembled.notes);
     match args.memory.as_deref() {
         Some("robust") => assembled.resources.policy = MemoryPolicy::Robust,
@@ -209,13 +211,13 @@ fn what(args: &RunArgs) -> Result<(bool, Option<Vec<u8>>)> {
     Ok((is_scene, Some(bytes)))
 }
 
-type SavedImage = (PathBuf, Arc<crate::machine::image::Image>, PixelEncoding);
+type SavedImage = (PathBuf, Arc<anyhit_engine::machine::image::Image>, PixelEncoding);
 
 /// `WHAT=FILE.png`: the file, the image and the encoding of a PNG.
 fn saved_image(
     text: &str,
-    scene: &scene::ResolvedScene,
-    resources: &crate::machine::Resources,
+    scene: &ResolvedScene,
+    resources: &anyhit_engine::machine::Resources,
     keep_alpha: bool,
 ) -> Result<SavedImage> {
     let Some((what, path)) = text.split_once('=') else {

@@ -4,18 +4,18 @@ use std::path::{Path, PathBuf};
 
 use clap::{ArgGroup, Args, ValueEnum};
 
-use crate::atomic_file;
 use crate::cli::output;
-use crate::debug::session::ResolvedRequest;
-use crate::error::{Error, Result};
-use crate::harness::sanitized::{SanitizedRun, deny, run_sanitized, sanitize_one};
-use crate::harness::source_tree::SourceTree;
-use crate::input::{InputLimit, InputLimits, read_argument};
-use crate::machine::Resources;
-use crate::pipeline::Stats;
-use crate::sanitize::{Finding, FindingRecord, Findings, Level, Levels, formats};
-use crate::scene::sanitize_table::scene_levels;
-use crate::scene::{Assembled, ResolvedScene};
+use anyhit_base::atomic_file;
+use anyhit_base::error::{Error, Result};
+use anyhit_base::input::{InputLimit, InputLimits, read_argument};
+use anyhit_cases::sanitized::{SanitizedRun, deny, run_sanitized, sanitize_one};
+use anyhit_cases::source_tree::SourceTree;
+use anyhit_debugger::session::ResolvedRequest;
+use anyhit_engine::machine::Resources;
+use anyhit_engine::pipeline::Stats;
+use anyhit_sanitize::{Finding, FindingRecord, Findings, Level, Levels, formats};
+use anyhit_scene::sanitize_table::scene_levels;
+use anyhit_scene::{Assembled, ResolvedScene};
 
 /// The sanitizer, and what is told of findings, its own and those of `--many-seeds`.
 #[derive(Args, Clone, Debug)]

@@ -8,12 +8,12 @@ use crate::cli::input::SceneFileArgs;
 use crate::cli::limits::LimitArgs;
 use crate::cli::output;
 use crate::cli::source::SourceArgs;
-use crate::debug::shell;
-use crate::error::{Error, ErrorKind, Result};
-use crate::escape;
-use crate::harness::init;
-use crate::input::STANDARD_INPUT;
-use crate::machine::LaunchLimits;
+use anyhit_base::error::{Error, ErrorKind, Result};
+use anyhit_base::escape;
+use anyhit_base::input::STANDARD_INPUT;
+use anyhit_cases::init;
+use anyhit_debugger::shell;
+use anyhit_engine::machine::LaunchLimits;
 
 /// Write a complete scene file from the declarations of modules.
 #[derive(Args, Clone, Debug)]

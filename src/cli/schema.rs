@@ -4,10 +4,10 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use crate::atomic_file;
 use crate::cli::output;
-use crate::error::Result;
-use crate::harness::scene_schema::scene_schema;
+use crate::cli::scene_schema::scene_schema;
+use anyhit_base::atomic_file;
+use anyhit_base::error::Result;
 
 /// Print the JSON Schema of `scene.toml` and `*.test.toml`, by which editors complete and check
 /// keys.

@@ -4,9 +4,9 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use crate::atomic_file;
-use crate::error::Result;
-use crate::harness::shares::{Shard, ShareResult, ShareResults};
+use anyhit_base::atomic_file;
+use anyhit_base::error::Result;
+use anyhit_cases::shares::{Shard, ShareResult, ShareResults};
 
 /// A share of the work, and its result.
 #[derive(Args, Clone, Debug, Default)]

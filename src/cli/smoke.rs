@@ -16,12 +16,12 @@ use crate::cli::smoke::modules::ModulesToRun;
 use crate::cli::smoke::verdict::{JsonReport, verdict};
 use crate::cli::source::SourceArgs;
 use crate::cli::{module_file, numbers, output};
-use crate::error::{Error, ErrorKind, ErrorReport, Result};
-use crate::escape;
-use crate::harness::smoke::{SmokeOptions, SmokeReport};
-use crate::harness::source_tree::SourceTree;
-use crate::machine::LaunchLimits;
-use crate::sanitize::{FindingRecord, formats};
+use anyhit_base::error::{Error, ErrorKind, ErrorReport, Result};
+use anyhit_base::escape;
+use anyhit_cases::smoke::{SmokeOptions, SmokeReport};
+use anyhit_cases::source_tree::SourceTree;
+use anyhit_engine::machine::LaunchLimits;
+use anyhit_sanitize::{FindingRecord, formats};
 
 /// Run every ray-tracing and compute entry point of a module on synthetic inputs.
 ///

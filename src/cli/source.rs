@@ -4,8 +4,8 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use crate::compile::{LanguageName, STAGE_NAMES, SourceWords};
-use crate::module::interface::Stage;
+use anyhit_compile::{LanguageName, STAGE_NAMES, SourceWords};
+use anyhit_engine::module::interface::Stage;
 
 /// How sources are compiled that the command line names.
 #[derive(Args, Clone, Debug, Default)]

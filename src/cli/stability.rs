@@ -5,12 +5,12 @@ use std::ops::Range;
 use clap::Args;
 
 use crate::cli::{numbers, output};
-use crate::debug::session::ResolvedRequest;
-use crate::error::{Error, ErrorKind, Result};
-use crate::harness::stability::perturb::perturb_one;
-use crate::harness::stability::shadow::shadow_one;
-use crate::harness::stability::{Envelope, Perturbation, perturb, shadow};
-use crate::scene::{Assembled, ResolvedScene};
+use anyhit_base::error::{Error, ErrorKind, Result};
+use anyhit_cases::stability::perturb::perturb_one;
+use anyhit_cases::stability::shadow::shadow_one;
+use anyhit_cases::stability::{Envelope, Perturbation, perturb, shadow};
+use anyhit_debugger::session::ResolvedRequest;
+use anyhit_scene::{Assembled, ResolvedScene};
 
 /// How far results depend on rounding.
 #[derive(Args, Clone, Debug)]

@@ -4,16 +4,16 @@ use std::collections::HashSet;
 use std::sync::Arc;
 use std::time::Duration;
 
-use crate::accel::{Blas, Tlas};
-use crate::escape;
-use crate::machine::{Binding, Descriptor};
-use crate::pipeline::{BandedLaunch, Stats};
-use crate::program::race_analysis::Memory;
-use crate::scene::image_entry::ImageContent;
-use crate::scene::pass::PassWork;
-use crate::scene::resolved::UnreadPart;
-use crate::scene::{Assembled, ResolvedScene};
-use crate::sorted::{sort, sort_by_key};
+use anyhit_base::escape;
+use anyhit_base::sorted::{sort, sort_by_key};
+use anyhit_engine::accel::{Blas, Tlas};
+use anyhit_engine::machine::{Binding, Descriptor};
+use anyhit_engine::pipeline::{BandedLaunch, Stats};
+use anyhit_engine::program::race_analysis::Memory;
+use anyhit_scene::image_entry::ImageContent;
+use anyhit_scene::pass::PassWork;
+use anyhit_scene::resolved::UnreadPart;
+use anyhit_scene::{Assembled, ResolvedScene};
 
 /// The lines of `--stats` about rays, invocations, occupancy and times.
 pub(super) fn table(stats: &Stats, load_time: Duration, launch_time: Duration) -> String {

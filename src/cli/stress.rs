@@ -5,19 +5,18 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use crate::atomic_file;
 use crate::cli::input::SceneFileArgs;
 use crate::cli::numbers::{minutes, seed_range};
 use crate::cli::share::ShareArgs;
 use crate::cli::{output, precision};
-use crate::error::{Error, ErrorKind, Result};
-use crate::escape;
-use crate::geometry::Precision;
-use crate::harness::shares::ShareResults;
-use crate::harness::shares::stress::{StressFailure, StressResult, StressWhole};
-use crate::scene::LoadOptions;
-use crate::stress::family::FAMILIES;
-use crate::stress::{self, FixedCases, StressReport, StressSettings, Tally};
+use anyhit_base::error::{Error, ErrorKind, Result};
+use anyhit_base::{atomic_file, escape};
+use anyhit_cases::shares::ShareResults;
+use anyhit_cases::shares::stress::{StressFailure, StressResult, StressWhole};
+use anyhit_engine::geometry::Precision;
+use anyhit_scene::LoadOptions;
+use anyhit_stress::family::FAMILIES;
+use anyhit_stress::{FixedCases, StressReport, StressSettings, Tally};
 
 /// Generate adversarial rays and shapes and compare every hit with arbitrary-precision arithmetic.
 ///
@@ -111,10 +110,10 @@ pub(super) fn run(args: StressArgs) -> Result<()> {
     let report = match args.cases {
         Some(cases) => {
             let (fixed, shard) = (FixedCases { seeds, cases }, args.share.shard_or_whole());
-            stress::run_fixed(&fixed, args.precision, |place| shard.holds(place), on_progress)
+            anyhit_stress::run_fixed(&fixed, args.precision, |place| shard.holds(place), on_progress)
         }
         None if args.share.is_requested() || args.seed_range.is_some() => return Err(needs_cases()),
-        None => stress::run(&settings, &mut on_progress),
+        None => anyhit_stress::run(&settings, &mut on_progress),
     };
     let results = ShareResults::new(whole, args.share.shard_or_whole(), StressResult::of(&report));
     args.share.write(&results)?;
@@ -171,7 +170,7 @@ fn run_scene(path: &Path, files: &SceneFileArgs, settings: &StressSettings) -> R
     let scene = files.scene(path, &LoadOptions::default())?;
     output::notes(&scene.notes);
     let mut progress = Progress(Instant::now());
-    let report = stress::scene::run(&scene.tlas, settings, |report| {
+    let report = anyhit_stress::scene::run(&scene.tlas, settings, |report| {
         progress.print(report.time, report.tally.rays, report.failures.len() as u64);
     });
     let Tally { lines, rays, hits, trees, packets, .. } = report.tally;

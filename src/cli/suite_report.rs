@@ -5,13 +5,12 @@ use std::path::Path;
 use clap::ValueEnum;
 use serde_json::json;
 
-use crate::atomic_file;
 use crate::cli::output;
 use crate::cli::sanitize::FindingFormat;
-use crate::error::{Error, ErrorClass, ErrorKind, Result};
-use crate::escape;
-use crate::harness::suite::{Ended, KeptFinding, SuiteResult, SuiteWhole, TestResult, junit, report};
-use crate::sanitize::{FindingRecord, formats};
+use anyhit_base::error::{Error, ErrorClass, ErrorKind, Result};
+use anyhit_base::{atomic_file, escape};
+use anyhit_cases::suite::{Ended, KeptFinding, SuiteResult, SuiteWhole, TestResult, junit, report};
+use anyhit_sanitize::{FindingRecord, formats};
 
 /// How results are printed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]

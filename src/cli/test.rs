@@ -4,7 +4,6 @@ use std::io::{IsTerminal, stdout};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use crate::atomic_file;
 use crate::cli::input::SceneFileArgs;
 use crate::cli::limits::LimitArgs;
 use crate::cli::many_seeds::ManySeedsArgs;
@@ -15,17 +14,17 @@ use crate::cli::stability::StabilityArgs;
 use crate::cli::suite_report::{
     ReportFormat, SuiteFiles, check_formats, print_end, print_test, records_of, verdict,
 };
-use crate::debug::shell;
-use crate::error::{Error, ErrorKind, Result};
-use crate::escape;
-use crate::harness::init;
-use crate::harness::shares::{Shard, ShareResults, Timings, fingerprint};
-use crate::harness::source_tree::SourceTree;
-use crate::harness::suite::{EXPLAINED_LINES, Suite, SuiteOptions, SuiteResult, SuiteWhole, report};
-use crate::input::{InputLimit, InputLimits, RootFolder, read_argument};
-use crate::machine::LaunchLimits;
-use crate::sanitize::formats;
-use crate::scene::SceneFiles;
+use anyhit_base::error::{Error, ErrorKind, Result};
+use anyhit_base::input::{InputLimit, InputLimits, RootFolder, read_argument};
+use anyhit_base::{atomic_file, escape};
+use anyhit_cases::init;
+use anyhit_cases::shares::{Shard, ShareResults, Timings, fingerprint};
+use anyhit_cases::source_tree::SourceTree;
+use anyhit_cases::suite::{EXPLAINED_LINES, Suite, SuiteOptions, SuiteResult, SuiteWhole, report};
+use anyhit_debugger::shell;
+use anyhit_engine::machine::LaunchLimits;
+use anyhit_sanitize::formats;
+use anyhit_scene::SceneFiles;
 
 /// Run test cases: scenes with `[expect]` and `*.test.toml` files of rays.
 ///

@@ -17,20 +17,20 @@ use crate::cli::render::size;
 use crate::cli::sanitize::SanitizeArgs;
 use crate::cli::stability::StabilityArgs;
 use crate::cli::{numbers, output, precision};
-use crate::debug::Transcript;
-use crate::debug::command;
+use crate::demo;
+use anyhit_base::error::{Error, ErrorKind, Result};
 #[cfg(feature = "debugger")]
-use crate::debug::debugger::Debugger;
-use crate::debug::render::{self, RenderOptions};
-use crate::debug::session::{ExplainRequest, Session};
-use crate::debug::source_text;
-use crate::error::{Error, ErrorKind, Result};
-use crate::geometry::Precision;
-use crate::geometry::Ray;
-use crate::machine::LaunchLimits;
-use crate::scene::file::GivenRay;
-use crate::scene::files::{DiskFiles, Files};
-use crate::scene::{LoadOptions, ResolvedScene, demo};
+use anyhit_debugger::debugger::Debugger;
+use anyhit_debugger::session::{ExplainRequest, Session};
+use anyhit_debugger::{command, source_text};
+use anyhit_engine::geometry::Precision;
+use anyhit_engine::geometry::Ray;
+use anyhit_engine::machine::LaunchLimits;
+use anyhit_explain::Transcript;
+use anyhit_explain::render::{self, RenderOptions};
+use anyhit_scene::file::GivenRay;
+use anyhit_scene::files::{DiskFiles, Files};
+use anyhit_scene::{LoadOptions, ResolvedScene};
 
 /// Trace one ray and explain every step.
 ///

@@ -8,12 +8,12 @@ use serde::Serialize;
 
 use crate::cli::input::InputLimitArgs;
 use crate::cli::{numbers, output};
-use crate::error::{Error, ErrorKind, ErrorReport, Result};
-use crate::escape;
-use crate::input::{InputLimit, read_argument, read_regular};
-use crate::recording::compare::{AgainstDriver, Agreement, HitComparison};
-use crate::recording::{Comparison, Recording};
-use crate::sorted::sort;
+use anyhit_base::error::{Error, ErrorKind, ErrorReport, Result};
+use anyhit_base::escape;
+use anyhit_base::input::{InputLimit, read_argument, read_regular};
+use anyhit_base::sorted::sort;
+use anyhit_cases::recording::compare::{AgainstDriver, Agreement, HitComparison};
+use anyhit_cases::recording::{Comparison, Recording};
 
 /// Compare hits recorded on a GPU with those of anyhit.
 ///

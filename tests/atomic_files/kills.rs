@@ -88,7 +88,7 @@ fn is_new(writer: &Writer, found: &[u8]) -> bool {
             count("SF:") > 0 && count("SF:") == count("end_of_record") && text.ends_with("end_of_record\n")
         }
         "render" | "run" => image::load_from_memory(found).is_ok(),
-        "compile" => anyhit::internals::module::load(found).is_ok(),
+        "compile" => anyhit_engine::module::load(found).is_ok(),
         name => panic!("what does {name} write?"),
     }
 }

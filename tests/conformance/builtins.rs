@@ -1,7 +1,7 @@
 //! Builtins of every stage: launch id and size, ids, hit kind, t, rays, matrices.
 
-use anyhit::internals::accel::{GeometryData, InstanceFlags};
-use anyhit::internals::harness::scene::Instance;
+use anyhit_engine::accel::{GeometryData, InstanceFlags};
+use anyhit_unit_test::scene::Instance;
 
 use crate::conformance::rig::{AnyHit, BOX, Kind, MISS, Plan, Rig, Shot, TRIANGLE, facing};
 

@@ -5,10 +5,10 @@ use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use anyhit::Scene;
-use anyhit::internals::harness::scene::Instance;
-use anyhit::internals::machine::{Buffer, Descriptor, ShaderIndex};
-use anyhit::internals::pipeline::{Group, HitGroup, Launch, Pipeline, PipelineFlags, SbtRecord};
 use anyhit::{Module, Program};
+use anyhit_engine::machine::{Buffer, Descriptor, ShaderIndex};
+use anyhit_engine::pipeline::{Group, HitGroup, Launch, Pipeline, PipelineFlags, SbtRecord};
+use anyhit_unit_test::scene::Instance;
 use bytemuck::{Pod, Zeroable};
 
 /// Words of a payload: as `probe.glsl` has them.

@@ -1,6 +1,6 @@
 //! Which record a ray uses, and null records.
 
-use anyhit::internals::harness::scene::Instance;
+use anyhit_unit_test::scene::Instance;
 
 use crate::conformance::rig::{AnyHit, Kind, MISS, Plan, Rig, Shot, TRIANGLE, facing};
 

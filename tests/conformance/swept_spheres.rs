@@ -5,11 +5,11 @@
 //! format has two components), rays down the z axis at some of the centres. The numbers of hits
 //! follow from which points are centres, or ends of segments with a cap.
 
-use anyhit::internals::accel::build_input::{
+use anyhit_engine::accel::build_input::{
     BuildInput, BuildRange, IndexType, RadiusFormat, Strided, VertexFormat,
 };
-use anyhit::internals::accel::{EndCaps, GeometryData, Indexing};
-use anyhit::internals::harness::scene::Instance;
+use anyhit_engine::accel::{EndCaps, GeometryData, Indexing};
+use anyhit_unit_test::scene::Instance;
 use half::f16;
 
 use crate::conformance::rig::{Kind, MISS, Plan, Rig, SPHERE, SWEPT, Shot};

@@ -1,9 +1,9 @@
 //! Ray flags, pipeline flags, masks, intervals, any-hit and intersection control.
 
-use anyhit::internals::accel::InstanceFlags;
-use anyhit::internals::error::ErrorKind;
-use anyhit::internals::harness::scene::Instance;
-use anyhit::internals::pipeline::PipelineFlags;
+use anyhit_base::error::ErrorKind;
+use anyhit_engine::accel::InstanceFlags;
+use anyhit_engine::pipeline::PipelineFlags;
+use anyhit_unit_test::scene::Instance;
 
 use crate::conformance::rig::{
     AnyHit, BOX, Kind, MISS, Plan, Probe, Rig, SPHERE, SWEPT, Shot, TRIANGLE, facing,

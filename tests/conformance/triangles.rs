@@ -1,7 +1,7 @@
 //! Barycentrics, the length of the direction, and watertightness at every scale.
 
-use anyhit::internals::accel::GeometryData;
-use anyhit::internals::harness::scene::Instance;
+use anyhit_engine::accel::GeometryData;
+use anyhit_unit_test::scene::Instance;
 
 use crate::conformance::rig::{AnyHit, BOX, Kind, MISS, Plan, Rig, Shot, TRIANGLE, facing};
 

@@ -6,13 +6,11 @@
 use std::collections::BTreeSet;
 
 use anyhit::Ray;
-use anyhit::internals::accel::{
-    Blas, Cursor, Geometry, GeometryFlags, RayFlags, Tlas, TlasInstance, TraceRay,
-};
-use anyhit::internals::geometry::linear_swept_sphere;
-use anyhit::internals::stress::draw::Draw;
-use anyhit::internals::stress::reference::ObjectLine;
-use anyhit::internals::stress::{Shape, StressCase};
+use anyhit_engine::accel::{Blas, Cursor, Geometry, GeometryFlags, RayFlags, Tlas, TlasInstance, TraceRay};
+use anyhit_engine::geometry::linear_swept_sphere;
+use anyhit_stress::draw::Draw;
+use anyhit_stress::reference::ObjectLine;
+use anyhit_stress::{Shape, StressCase};
 
 use crate::exact_intersections::cases;
 

@@ -5,9 +5,9 @@
 
 use std::cmp::Ordering;
 
-use anyhit::internals::geometry::{ObjectRay, Ray, Surface, SurfaceNormal};
-use anyhit::internals::stress::draw::{Draw, TransformedRay};
-use anyhit::internals::stress::reference::{Expected, ObjectLine};
+use anyhit_engine::geometry::{ObjectRay, Ray, Surface, SurfaceNormal};
+use anyhit_stress::draw::{Draw, TransformedRay};
+use anyhit_stress::reference::{Expected, ObjectLine};
 use dashu_ratio::RBig;
 
 use crate::exact_intersections::cases;

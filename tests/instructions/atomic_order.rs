@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use anyhit::internals::machine::{Buffer, Descriptor, Resources};
+use anyhit_engine::machine::{Buffer, Descriptor, Resources};
 
 use crate::instructions::run::{INVOCATIONS, Shader, run_lanes};
 use crate::instructions::workgroup::Workgroup;
@@ -113,7 +113,7 @@ fn any_two_updates_by_any_two_ways_are_made_in_one_schedule() {
                 let bound = |buffer: &Arc<Buffer>| Descriptor::Buffer(buffer.clone());
                 let mut resources = Resources::default().bind(0, 1, bound(&cells)).bind(0, 2, bound(&cells));
                 resources = resources.bind(0, 3, bound(&cells));
-                let many = anyhit::internals::machine::Binding { set: 0, binding: 3 };
+                let many = anyhit_engine::machine::Binding { set: 0, binding: 3 };
                 resources.insert(many, 1, bound(&Buffer::zeroed(16)));
                 assert_eq!(resources.memory.add_buffer(&cells), 1 << 32);
                 resources

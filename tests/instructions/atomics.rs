@@ -2,10 +2,10 @@
 
 use std::sync::Arc;
 
-use anyhit::internals::error::ErrorKind;
-use anyhit::internals::machine::{Buffer, Descriptor, Resources};
-use anyhit::internals::pipeline::{Launch, Pipeline};
-use anyhit::internals::program::{Inlining, LowerOptions};
+use anyhit_base::error::ErrorKind;
+use anyhit_engine::machine::{Buffer, Descriptor, Resources};
+use anyhit_engine::pipeline::{Launch, Pipeline};
+use anyhit_engine::program::{Inlining, LowerOptions};
 
 use crate::instructions::run::{INVOCATIONS, Shader, run_lanes};
 use crate::instructions::workgroup::{Workgroup, compute};

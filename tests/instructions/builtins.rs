@@ -1,6 +1,6 @@
 //! Builtins that no shader of `shaders/` reads.
 
-use anyhit::internals::machine::{Buffer, Descriptor, Resources};
+use anyhit_engine::machine::{Buffer, Descriptor, Resources};
 
 use crate::instructions::run::Shader;
 use crate::instructions::workgroup::Workgroup;

@@ -1,7 +1,7 @@
 //! Instructions of module scope: specialization constants, groups of decorations, long vectors.
 
-use anyhit::internals::error::ErrorKind;
-use anyhit::internals::machine::Resources;
+use anyhit_base::error::ErrorKind;
+use anyhit_engine::machine::Resources;
 
 use crate::instructions::run::Shader;
 

@@ -4,8 +4,8 @@
 //! (-1)^s 2^(e - bias) (1 + m / 2^t), the code of a number by counting the middles of neighbours
 //! that lie below it. All of these are exact in f64.
 
-use anyhit::internals::error::{Error, ErrorKind};
-use anyhit::internals::machine::{Buffer, Descriptor, Resources};
+use anyhit_base::error::{Error, ErrorKind};
+use anyhit_engine::machine::{Buffer, Descriptor, Resources};
 use half::f16;
 
 use crate::instructions::run::Shader;

@@ -2,10 +2,10 @@
 
 use std::sync::Arc;
 
-use anyhit::internals::error::ErrorKind;
-use anyhit::internals::machine::format::{Component, Format};
-use anyhit::internals::machine::image::{Image, ImageShape};
-use anyhit::internals::machine::{Buffer, Descriptor, Resources};
+use anyhit_base::error::ErrorKind;
+use anyhit_engine::machine::format::{Component, Format};
+use anyhit_engine::machine::image::{Image, ImageShape};
+use anyhit_engine::machine::{Buffer, Descriptor, Resources};
 use half::f16;
 
 use crate::instructions::run::{INVOCATIONS, Shader};

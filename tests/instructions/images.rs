@@ -2,10 +2,10 @@
 
 use std::sync::Arc;
 
-use anyhit::internals::machine::format::{Component, Format};
-use anyhit::internals::machine::image::{Dimension, Image, ImageShape, SampleWeight};
-use anyhit::internals::machine::sampler::{AddressMode, BlockMatchWindow, Filter, Sampler};
-use anyhit::internals::machine::{Descriptor, Resources};
+use anyhit_engine::machine::format::{Component, Format};
+use anyhit_engine::machine::image::{Dimension, Image, ImageShape, SampleWeight};
+use anyhit_engine::machine::sampler::{AddressMode, BlockMatchWindow, Filter, Sampler};
+use anyhit_engine::machine::{Descriptor, Resources};
 
 use crate::instructions::run::Shader;
 

@@ -4,15 +4,13 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use anyhit::internals::accel::{
+use anyhit::{Module, Program, Ray};
+use anyhit_base::error::{Error, Result};
+use anyhit_engine::accel::{
     Blas, Geometry, GeometryData, GeometryFlags, RayFlags, Tlas, TlasInstance, TraceRay,
 };
-use anyhit::internals::error::{Error, Result};
-use anyhit::internals::machine::{
-    Buffer, Descriptor, LaunchLimits, Printed, PrintedBytes, Resources, TrapCode,
-};
-use anyhit::internals::pipeline::{Compute, GREATEST_CALLABLE_DEPTH, Launch, Pipeline, RayOperands};
-use anyhit::{Module, Program, Ray};
+use anyhit_engine::machine::{Buffer, Descriptor, LaunchLimits, Printed, PrintedBytes, Resources, TrapCode};
+use anyhit_engine::pipeline::{Compute, GREATEST_CALLABLE_DEPTH, Launch, Pipeline, RayOperands};
 
 use crate::instructions::run::{Shader, run_lanes};
 use crate::instructions::workgroup::Workgroup;
@@ -286,7 +284,7 @@ fn shader(stage: &str, declarations: &str, body: &str) -> Program {
          {body}
          OpFunctionEnd"
     );
-    let module = Arc::new(anyhit::internals::module::load(&assemble(&text)).expect("a module"));
+    let module = Arc::new(anyhit_engine::module::load(&assemble(&text)).expect("a module"));
     Program::of(&module, "main").expect("a shader")
 }
 
@@ -352,7 +350,7 @@ fn callable_pipeline(shader: &Shader<'_>, depth: u32, limits: LaunchLimits) -> R
     let callee = module.entry_points.iter().find(|entry| entry.name == "callee").expect("an entry point");
     Pipeline::builder()
         .ray_generation(shader.program())?
-        .callable(anyhit::internals::program::lower(&module, callee)?)?
+        .callable(anyhit_engine::program::lower(&module, callee)?)?
         .max_callable_depth(depth)
         .launch_limits(limits)
         .build()

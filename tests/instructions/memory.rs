@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
-use anyhit::internals::error::ErrorKind;
-use anyhit::internals::machine::{Buffer, Descriptor, Resources};
+use anyhit_base::error::ErrorKind;
+use anyhit_engine::machine::{Buffer, Descriptor, Resources};
 
 use crate::instructions::run::{INVOCATIONS, Shader};
 
@@ -258,7 +258,7 @@ fn elements_of_buffer_arrays_are_chosen_by_each_lane() {
         let mut resources = Resources::default();
         for element in 0..4u32 {
             let buffer = Buffer::new(&(100 + element).to_le_bytes());
-            let binding = anyhit::internals::machine::Binding { set: 0, binding: 1 };
+            let binding = anyhit_engine::machine::Binding { set: 0, binding: 1 };
             resources.insert(binding, element, Descriptor::Buffer(buffer));
         }
         resources

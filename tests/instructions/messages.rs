@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
-use anyhit::internals::error::{Error, Place};
-use anyhit::internals::machine::{Buffer, Descriptor, Printed, Resources};
+use anyhit_base::error::{Error, Place};
+use anyhit_engine::machine::{Buffer, Descriptor, Printed, Resources};
 
 use crate::instructions::run::{INVOCATIONS, Shader};
 
@@ -132,7 +132,7 @@ fn trapped(annotations: &str, body: &str, functions: &str) -> Error {
     let error = shader.run_with(&mut || {
         let mut resources = Resources::default().bind(0, 1, buffer());
         for element in 0..2 {
-            resources.insert(anyhit::internals::machine::Binding { set: 0, binding: 2 }, element, buffer());
+            resources.insert(anyhit_engine::machine::Binding { set: 0, binding: 2 }, element, buffer());
         }
         resources
     });

@@ -3,10 +3,10 @@
 
 use std::sync::Arc;
 
-use anyhit::internals::accel::Tlas;
-use anyhit::internals::error::{ErrorKind, Result};
-use anyhit::internals::machine::{Buffer, Descriptor, Resources};
-use anyhit::internals::pipeline::{Launch, Pipeline};
+use anyhit_base::error::{ErrorKind, Result};
+use anyhit_engine::accel::Tlas;
+use anyhit_engine::machine::{Buffer, Descriptor, Resources};
+use anyhit_engine::pipeline::{Launch, Pipeline};
 
 use crate::support::assembly::assemble;
 
@@ -81,7 +81,7 @@ fn module(time: f32, by_location: bool) -> Vec<u8> {
 }
 
 fn seen(time: f32, by_location: bool) -> Result<f32> {
-    let module = Arc::new(anyhit::internals::module::load(&module(time, by_location))?);
+    let module = Arc::new(anyhit_engine::module::load(&module(time, by_location))?);
     let shader = |name| anyhit::Program::of(&module, name);
     let pipeline = Pipeline::builder().ray_generation(shader("main")?)?.miss(shader("sky")?)?.build()?;
     let out = Buffer::zeroed(4);

@@ -6,8 +6,8 @@
 
 use std::sync::Arc;
 
-use anyhit::internals::error::ErrorKind;
-use anyhit::internals::machine::{Buffer, Descriptor, MemoryPolicy, Resources};
+use anyhit_base::error::ErrorKind;
+use anyhit_engine::machine::{Buffer, Descriptor, MemoryPolicy, Resources};
 
 use crate::instructions::run::Shader;
 use crate::instructions::workgroup::Workgroup;

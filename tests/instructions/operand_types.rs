@@ -21,7 +21,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 use std::sync::Arc;
 
-use anyhit::internals::machine::{Buffer, Descriptor, Resources};
+use anyhit_engine::machine::{Buffer, Descriptor, Resources};
 
 use crate::instructions::run::{INVOCATIONS, Shader};
 use judge::{Expected, judge};

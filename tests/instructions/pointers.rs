@@ -1,7 +1,7 @@
 //! Pointers as values (`VariablePointers`): through phis, selects and calls, into matrices too.
 
-use anyhit::internals::error::ErrorKind;
-use anyhit::internals::machine::{Buffer, Descriptor, Resources};
+use anyhit_base::error::ErrorKind;
+use anyhit_engine::machine::{Buffer, Descriptor, Resources};
 
 use crate::instructions::run::Shader;
 

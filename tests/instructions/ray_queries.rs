@@ -1,6 +1,6 @@
 //! Ray queries and hit objects where no compiler would write them so.
 
-use anyhit::internals::error::ErrorKind;
+use anyhit_base::error::ErrorKind;
 
 use crate::instructions::run::Shader;
 

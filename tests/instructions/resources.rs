@@ -2,11 +2,11 @@
 
 use std::sync::Arc;
 
-use anyhit::internals::machine::format::{Component, Format};
-use anyhit::internals::machine::image::{Image, ImageShape};
-use anyhit::internals::machine::sampler::{Filter, Sampler};
-use anyhit::internals::machine::{Binding, Buffer, Descriptor, Resources};
 use anyhit::{Instance, Scene};
+use anyhit_engine::machine::format::{Component, Format};
+use anyhit_engine::machine::image::{Image, ImageShape};
+use anyhit_engine::machine::sampler::{Filter, Sampler};
+use anyhit_engine::machine::{Binding, Buffer, Descriptor, Resources};
 
 use crate::instructions::run::Shader;
 
@@ -167,7 +167,7 @@ fn variables_of_several_types_share_a_binding() {
         let plane =
             Image::new(Format::new(Component::Float32, 1), ImageShape::plane(1, 1), &5f32.to_le_bytes());
         let shape = ImageShape {
-            dimension: anyhit::internals::machine::image::Dimension::D3,
+            dimension: anyhit_engine::machine::image::Dimension::D3,
             extent: [1, 1, 2],
             ..ImageShape::plane(1, 1)
         };

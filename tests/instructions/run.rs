@@ -2,11 +2,11 @@
 
 use std::sync::Arc;
 
-use anyhit::internals::error::{Error, Result};
-use anyhit::internals::machine::{Buffer, Descriptor, Resources};
-use anyhit::internals::module::interface::Stage;
-use anyhit::internals::ops::lane_kernel::{LaneKernel, Width};
-use anyhit::internals::pipeline::{Compute, Launch, Pipeline, Stats};
+use anyhit_base::error::{Error, Result};
+use anyhit_engine::machine::{Buffer, Descriptor, Resources};
+use anyhit_engine::module::interface::Stage;
+use anyhit_engine::ops::lane_kernel::{LaneKernel, Width};
+use anyhit_engine::pipeline::{Compute, Launch, Pipeline, Stats};
 
 use crate::support::assembly::assemble;
 
@@ -46,12 +46,12 @@ impl Shader<'_> {
 
     /// As [`Shader::run`] with resources beside the output, made anew for each width.
     pub fn run_with(&self, resources: &mut dyn FnMut() -> Resources) -> Result<Vec<[u32; WORDS]>> {
-        let module = Arc::new(anyhit::internals::module::load(&assemble(&self.text()))?);
-        let program = anyhit::internals::program::lower(&module, &module.entry_points[0])?;
+        let module = Arc::new(anyhit_engine::module::load(&assemble(&self.text()))?);
+        let program = anyhit_engine::program::lower(&module, &module.entry_points[0])?;
         let mut builder = Pipeline::builder();
         builder = builder.ray_generation(program)?;
         for entry in module.entry_points.iter().filter(|entry| entry.stage == Stage::Callable) {
-            builder = builder.callable(anyhit::internals::program::lower(&module, entry)?)?;
+            builder = builder.callable(anyhit_engine::program::lower(&module, entry)?)?;
         }
         if let Some(fuel) = self.fuel {
             builder = builder.fuel(fuel);
@@ -83,8 +83,8 @@ impl Shader<'_> {
 
     /// The shader's program.
     pub fn program(&self) -> anyhit::Program {
-        let module = Arc::new(anyhit::internals::module::load(&assemble(&self.text())).expect("a module"));
-        anyhit::internals::program::lower(&module, &module.entry_points[0]).expect("a program")
+        let module = Arc::new(anyhit_engine::module::load(&assemble(&self.text())).expect("a module"));
+        anyhit_engine::program::lower(&module, &module.entry_points[0]).expect("a program")
     }
 
     /// The error of a shader that must not run to its end.

@@ -3,11 +3,11 @@
 
 use std::sync::Arc;
 
-use anyhit::internals::machine::format::{Component, Format};
-use anyhit::internals::machine::image::{Image, ImageShape};
-use anyhit::internals::machine::sampler::Sampler;
-use anyhit::internals::machine::{Binding, Buffer, Descriptor, Resources};
-use anyhit::internals::program::race_analysis::{LaunchExtent, Memory};
+use anyhit_engine::machine::format::{Component, Format};
+use anyhit_engine::machine::image::{Image, ImageShape};
+use anyhit_engine::machine::sampler::Sampler;
+use anyhit_engine::machine::{Binding, Buffer, Descriptor, Resources};
+use anyhit_engine::program::race_analysis::{LaunchExtent, Memory};
 
 use crate::instructions::run::Shader;
 

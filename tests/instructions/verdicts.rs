@@ -1,8 +1,8 @@
 //! Whose mistake a refused module is: a broken rule is cited, where the validator of SPIRV-Tools
 //! does not check it; what no rule forbids is this crate's gap.
 
-use anyhit::internals::error::ErrorKind;
-use anyhit::internals::machine::Resources;
+use anyhit_base::error::ErrorKind;
+use anyhit_engine::machine::Resources;
 
 use crate::instructions::run::Shader;
 

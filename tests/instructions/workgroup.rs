@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use anyhit::Module;
-use anyhit::internals::pipeline::Compute;
-use anyhit::internals::program::LowerOptions;
+use anyhit_engine::pipeline::Compute;
+use anyhit_engine::program::LowerOptions;
 
 use crate::support::assembly::assemble;
 
@@ -95,9 +95,7 @@ impl Workgroup<'_> {
              OpFunctionEnd
              {functions}"
         ));
-        Arc::new(
-            anyhit::internals::module::load(&module).unwrap_or_else(|error| panic!("{}", error.render())),
-        )
+        Arc::new(anyhit_engine::module::load(&module).unwrap_or_else(|error| panic!("{}", error.render())))
     }
 
     pub fn compute(&self) -> Compute {
@@ -107,7 +105,7 @@ impl Workgroup<'_> {
 
 /// The compute shader of a module's first entry point.
 pub fn compute(module: &Arc<Module>, options: LowerOptions) -> Compute {
-    let program = anyhit::internals::program::lower_with(module, &module.entry_points[0], options);
+    let program = anyhit_engine::program::lower_with(module, &module.entry_points[0], options);
     let program = program.unwrap_or_else(|error| panic!("{}", error.render()));
     Compute::new(program).expect("a compute shader")
 }

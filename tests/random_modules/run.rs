@@ -2,9 +2,9 @@
 
 use std::sync::Arc;
 
-use anyhit::internals::machine::{Buffer, Descriptor, Resources};
-use anyhit::internals::pipeline::Compute;
-use anyhit::internals::program::{Inlining, LowerOptions, Optimization, Program};
+use anyhit_engine::machine::{Buffer, Descriptor, Resources};
+use anyhit_engine::pipeline::Compute;
+use anyhit_engine::program::{Inlining, LowerOptions, Optimization, Program};
 
 use crate::random_modules::evaluate::Memory;
 use crate::random_modules::generate::{BUFFERS, Generated, HEAD, INPUTS, OUTPUTS, SHARED};
@@ -62,7 +62,7 @@ fn lower(module: &Arc<anyhit::Module>, lowered: Lowered) -> anyhit::Result<Progr
         Lowered::Called => LowerOptions { inlining: Inlining::Never, ..usual },
         Lowered::Unoptimized => LowerOptions { optimization: Optimization::None, ..usual },
     };
-    anyhit::internals::program::lower_with(module, &module.entry_points[0], options)
+    anyhit_engine::program::lower_with(module, &module.entry_points[0], options)
 }
 
 /// What the interpreter leaves in the buffers, by lowering and lanes.
@@ -74,7 +74,7 @@ pub fn interpret(
 ) -> Result<(), String> {
     let told = |error: anyhit::Error| format!("refused: {}", error.render());
     let bytes: Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).collect();
-    let module = Arc::new(anyhit::internals::module::load(&bytes).map_err(told)?);
+    let module = Arc::new(anyhit_engine::module::load(&bytes).map_err(told)?);
     for &lowered in LOWERINGS {
         if lowered == Lowered::Called && generated.module.functions.len() == 1 {
             continue;

@@ -5,18 +5,18 @@
 use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
 
-use anyhit::internals::error::{Error, ErrorKind, Result};
-use anyhit::internals::harness::expect::Expectations;
-use anyhit::internals::harness::smoke::{SmokeOptions, SmokeReport};
-use anyhit::internals::input::InputLimit;
-use anyhit::internals::machine::{Bindings, Mask, Resources, Stop};
-use anyhit::internals::module::ty::TypeId;
-use anyhit::internals::program::lower;
-use anyhit::internals::recording::Recording;
-use anyhit::internals::scene::image::Picture;
-use anyhit::internals::scene::mesh::model::{MeshFormat, Model};
-use anyhit::internals::scene::{DiskFiles, Files, LoadOptions, assemble, load_text};
-use anyhit::internals::{interp, module};
+use anyhit_base::error::{Error, ErrorKind, Result};
+use anyhit_base::input::InputLimit;
+use anyhit_cases::expect::Expectations;
+use anyhit_cases::recording::Recording;
+use anyhit_cases::smoke::{SmokeOptions, SmokeReport};
+use anyhit_engine::machine::{Bindings, Mask, Resources, Stop};
+use anyhit_engine::module::ty::TypeId;
+use anyhit_engine::program::lower;
+use anyhit_engine::{interp, module};
+use anyhit_scene::image::Picture;
+use anyhit_scene::mesh::model::{MeshFormat, Model};
+use anyhit_scene::{DiskFiles, Files, LoadOptions, assemble, load_text};
 
 /// Registers of a program beyond which it is not run: a batch of them takes memory that the test
 /// need not have.
@@ -34,13 +34,14 @@ pub fn refused(error: &Error) -> bool {
     false
 }
 
-/// Whether a panic's location is in `src/` of this project: relative as its own package is
+/// Whether a panic's location is in a crate of this project: relative as its own workspace is
 /// compiled, absolute as `fuzz/` compiles it. Other crates lie in a registry, the standard library
 /// in `/rustc`.
 fn is_ours(place: &str) -> bool {
     let place = place.replace('\\', "/");
-    let absolute = root().join("src").display().to_string().replace('\\', "/");
-    place.starts_with("src/") || place.starts_with(&format!("{absolute}/"))
+    let absolute = root().display().to_string().replace('\\', "/");
+    let inside = place.strip_prefix(&format!("{absolute}/")).unwrap_or(&place);
+    inside.starts_with("src/") || inside.starts_with("crates/")
 }
 
 /// Loads a module, and asks it everything.
@@ -109,7 +110,7 @@ pub fn smoke(bytes: &[u8]) -> bool {
 /// Compiles WGSL, and loads what came of it.
 #[cfg(feature = "wgsl")]
 pub fn wgsl(bytes: &[u8]) -> bool {
-    use anyhit::internals::compile::{CompileOptions, Source};
+    use anyhit_compile::{CompileOptions, Source};
     let text = String::from_utf8_lossy(bytes);
     let source = Source::from_text("fuzzed.wgsl", text).expect("a name that says the language");
     match source.compile(&CompileOptions::default()) {
@@ -197,7 +198,7 @@ pub fn recording(bytes: &[u8]) -> bool {
 pub fn command_line(bytes: &[u8]) -> bool {
     let text = String::from_utf8_lossy(bytes);
     let arguments = std::iter::once("anyhit").chain(text.lines());
-    match anyhit::internals::cli::command().try_get_matches_from(arguments) {
+    match anyhit::cli::command().try_get_matches_from(arguments) {
         Ok(_) => true,
         Err(error) => {
             assert!(!error.render().to_string().is_empty());
@@ -209,10 +210,10 @@ pub fn command_line(bytes: &[u8]) -> bool {
 /// Reads the result of a share, merges it with itself, and makes the reports of what it holds.
 #[cfg(feature = "cli")]
 pub fn share_result(bytes: &[u8]) -> bool {
-    use anyhit::internals::harness::shares::render::RenderResult;
-    use anyhit::internals::harness::shares::smoke::SmokeResult;
-    use anyhit::internals::harness::shares::{ShareResult, ShareResults, command_of};
-    use anyhit::internals::harness::suite::{SuiteResult, junit, report};
+    use anyhit_cases::shares::render::RenderResult;
+    use anyhit_cases::shares::smoke::SmokeResult;
+    use anyhit_cases::shares::{ShareResult, ShareResults, command_of};
+    use anyhit_cases::suite::{SuiteResult, junit, report};
 
     fn merged<R: ShareResult>(bytes: &[u8]) -> Result<ShareResults<R>, Error> {
         let path = Path::new("fuzzed.json");

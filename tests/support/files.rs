@@ -7,6 +7,17 @@ pub fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
 
+/// The Rust sources of this project's crates: those of `src` and of `crates/*/src`, sorted.
+pub fn sources() -> Vec<PathBuf> {
+    let mut found = with_extension(&root().join("src"), "rs");
+    for entry in std::fs::read_dir(root().join("crates")).expect("the folder of crates") {
+        found.extend(with_extension(&entry.expect("a readable entry").path().join("src"), "rs"));
+    }
+    found.sort();
+    assert!(found.len() > 700, "only {} sources", found.len());
+    found
+}
+
 /// All files below a folder whose name ends in `.extension`, sorted.
 pub fn with_extension(root: &Path, extension: &str) -> Vec<PathBuf> {
     let mut found = Vec::new();

@@ -4,7 +4,7 @@ use std::fmt::Display;
 use std::io::Write;
 use std::process::Command;
 
-use anyhit::internals::compile::{Language, tool};
+use anyhit_compile::{Language, tool};
 
 /// The path of the test that this stands in, as `cargo test` prints it.
 macro_rules! test_name {

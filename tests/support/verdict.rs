@@ -26,12 +26,12 @@ pub enum Ours {
 /// Loads a module and lowers every entry point of it.
 pub fn ours(words: &[u32]) -> Ours {
     let load = || -> Result<(), Error> {
-        let module = Arc::new(anyhit::internals::module::load(&bytes(words))?);
+        let module = Arc::new(anyhit_engine::module::load(&bytes(words))?);
         // The worst of all entry points: a broken rule before a gap.
         let errors = module
             .entry_points
             .iter()
-            .filter_map(|entry| anyhit::internals::program::lower(&module, entry).err());
+            .filter_map(|entry| anyhit_engine::program::lower(&module, entry).err());
         errors.min_by_key(|error| error.kind() != ErrorKind::InvalidModule).map_or(Ok(()), Err)
     };
     match catch_unwind(AssertUnwindSafe(load)) {

@@ -6,11 +6,12 @@ use std::path::Path;
 
 use serde_json::Value;
 
-use crate::debug::session::ExplainRequest;
-use crate::debug::{Transcript, command};
-use crate::error::{Error, ErrorKind, Result};
-use crate::geometry::Precision;
-use crate::scene::files::{DiskFiles, Files};
+use anyhit_base::error::{Error, ErrorKind, Result};
+use anyhit_debugger::command;
+use anyhit_debugger::session::ExplainRequest;
+use anyhit_engine::geometry::Precision;
+use anyhit_explain::Transcript;
+use anyhit_scene::files::{DiskFiles, Files};
 
 pub(super) use parting::text;
 
@@ -70,7 +71,7 @@ pub(super) fn read(path: &str) -> Result<Value> {
             .note("`anyhit trace-one-ray SCENE --json` prints a transcript")
     };
     let value: Value = serde_json::from_slice(&bytes).map_err(|error| invalid(error.to_string()))?;
-    if value["version"] != crate::debug::transcript::VERSION || !value["root"].is_object() {
+    if value["version"] != anyhit_explain::transcript::VERSION || !value["root"].is_object() {
         return Err(invalid("`version` 1 and `root` are missing".to_owned()));
     }
     Ok(value)

@@ -7,7 +7,7 @@ use std::collections::{HashMap, HashSet};
 
 use serde_json::Value;
 
-use crate::debug::page::{Page, TextStyle};
+use anyhit_explain::page::{Page, TextStyle};
 
 /// A place where two runs differ.
 #[derive(Clone, Debug, PartialEq, Eq)]

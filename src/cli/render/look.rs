@@ -7,30 +7,29 @@ use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use serde_json::{Value, json};
 
-use crate::atomic_file;
 use crate::cli::{numbers, output};
-use crate::debug::names::Names;
-use crate::debug::{Session, command, shell};
-use crate::drawing::flame_graph;
-use crate::drawing::heat_map::number;
-use crate::drawing::page::{Page, PageExplanations, PagePicture};
-use crate::error::{Error, ErrorKind, Place, Result};
-use crate::escape;
-use crate::harness::expect::PictureDifference;
-use crate::harness::picture_page::{
+use anyhit_base::error::{Error, ErrorKind, Place, Result};
+use anyhit_base::input::{InputLimit, read_argument};
+use anyhit_base::sorted::json_object;
+use anyhit_base::{atomic_file, escape};
+use anyhit_cases::drawing::flame_graph;
+use anyhit_cases::drawing::heat_map::number;
+use anyhit_cases::drawing::page::{HtmlPage, PageExplanations, PagePicture};
+use anyhit_cases::expect::PictureDifference;
+use anyhit_cases::picture_page::{
     ChosenPixels, WORST, comparison, explain, heat_facts, heat_layer, heat_map,
 };
-use crate::harness::pixel_cost::profile::Profile;
-use crate::harness::pixel_cost::{Heat, HeatMeasure, LaunchCost, measure};
-use crate::harness::rendering::output_image;
-use crate::harness::stability::deep_copy;
-use crate::harness::stability::shadow::texel_errors;
-use crate::input::{InputLimit, read_argument};
-use crate::machine::image::Image;
-use crate::pipeline::map_on_threads;
-use crate::scene::image::{Picture, PictureKind, PixelEncoding, Rgba8, write_picture};
-use crate::scene::{Assembled, Files, ResolvedScene};
-use crate::sorted::json_object;
+use anyhit_cases::pixel_cost::profile::Profile;
+use anyhit_cases::pixel_cost::{Heat, HeatMeasure, LaunchCost, measure};
+use anyhit_cases::rendering::output_image;
+use anyhit_cases::stability::deep_copy;
+use anyhit_cases::stability::shadow::texel_errors;
+use anyhit_debugger::{Session, command, shell};
+use anyhit_engine::machine::image::Image;
+use anyhit_engine::pipeline::map_on_threads;
+use anyhit_explain::names::Names;
+use anyhit_scene::image::{Picture, PictureKind, PixelEncoding, Rgba8, write_picture};
+use anyhit_scene::{Assembled, Files, ResolvedScene};
 
 /// The version of what `--json` prints.
 const VERSION: u32 = 1;
@@ -215,7 +214,7 @@ impl LookArgs {
         heat: Option<&Heat>,
         given: Looked<'_>,
         command: &[String; 2],
-    ) -> Result<Page> {
+    ) -> Result<HtmlPage> {
         let (image, encoding) = output_of(session, run, given.keep_alpha)?;
         let name = session.scene().output().map_or("picture", |output| &output.name);
         let picture = Picture::of(image);
@@ -269,7 +268,7 @@ impl LookArgs {
         let explained = explain(session, self.pass.as_deref(), scene_name, &chosen.pixels);
         let path = escape::path(&session.scene().path);
         let title = scene_name.map_or_else(|| path.to_string(), str::to_owned);
-        Ok(Page {
+        Ok(HtmlPage {
             title,
             facts: vec![format!(
                 "{width} x {height} pixels; this page explains {}, by `anyhit {}`",

@@ -1,10 +1,10 @@
 //! `render --shard`: some of the bands of a picture, as a result that merges into the whole one.
 
 use crate::cli::share::ShareArgs;
-use crate::error::{Error, ErrorKind, Result};
-use crate::harness::shares::ShareResults;
-use crate::harness::shares::render::{RenderResult, RenderWhole, RenderedBand};
-use crate::pipeline::{Band, BandedLaunch};
+use anyhit_base::error::{Error, ErrorKind, Result};
+use anyhit_cases::shares::ShareResults;
+use anyhit_cases::shares::render::{RenderResult, RenderWhole, RenderedBand};
+use anyhit_engine::pipeline::{Band, BandedLaunch};
 
 /// A share of a picture to be rendered.
 pub(super) struct PictureShare<'a> {

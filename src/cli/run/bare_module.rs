@@ -14,23 +14,23 @@ use clap::Args;
 
 use crate::cli::run::dump::{binding, invalid};
 use crate::cli::{module_file, numbers};
-use crate::compile::{CompileOptions, DebugInfoLevel, Language, SourceSettings};
-use crate::error::{Error, ErrorKind, Place, Relocation, Result};
-use crate::escape;
-use crate::input::{InputLimit, InputLimits, read_argument};
-use crate::machine::Binding;
-use crate::math::array;
-use crate::module::Module;
-use crate::module::interface::{EntryPoint, InterfaceVariable, Stage};
-use crate::module::ty::{ImageType, Type};
-use crate::ops::image::declared::declared_format;
-use crate::ops::pointer::storage;
-use crate::ops::translate::array_length;
-use crate::program::Program;
-use crate::scene::image::format_name;
-use crate::scene::read::{Diagnostics, Document};
-use crate::scene::specialization::{SpecializationKey, SpecializationValue};
-use crate::scene::{Files, LoadOptions, ResolvedScene, load_text};
+use anyhit_base::error::{Error, ErrorKind, Place, Relocation, Result};
+use anyhit_base::escape;
+use anyhit_base::input::{InputLimit, InputLimits, read_argument};
+use anyhit_compile::{CompileOptions, DebugInfoLevel, Language, SourceSettings};
+use anyhit_engine::machine::Binding;
+use anyhit_engine::math::array;
+use anyhit_engine::module::Module;
+use anyhit_engine::module::interface::{EntryPoint, InterfaceVariable, Stage};
+use anyhit_engine::module::ty::{ImageType, Type};
+use anyhit_engine::ops::image::declared::declared_format;
+use anyhit_engine::ops::pointer::storage;
+use anyhit_engine::ops::translate::array_length;
+use anyhit_engine::program::Program;
+use anyhit_scene::image::format_name;
+use anyhit_scene::read::{Diagnostics, Document};
+use anyhit_scene::specialization::{SpecializationKey, SpecializationValue};
+use anyhit_scene::{Files, LoadOptions, ResolvedScene, load_text};
 
 /// The arguments that a bare module needs and a scene file holds itself.
 #[derive(Args, Clone, Debug, Default)]
@@ -742,9 +742,9 @@ mod tests {
 
     #[test]
     fn a_trap_tells_shader_line_and_values() {
-        use crate::error::TrapOperands;
-        use crate::machine::TrapCode;
-        use crate::module::interface::Stage;
+        use anyhit_base::error::TrapOperands;
+        use anyhit_engine::machine::TrapCode;
+        use anyhit_engine::module::interface::Stage;
 
         // Line 10 writes word `at` of buffer `at / 2`: the last of four invocations is beyond the
         // 12 bytes of the second one.
@@ -752,7 +752,7 @@ mod tests {
         let arguments = Arguments { buffer, ..Arguments::default() };
         let module = Path::new("spirv-fixtures/fail/compute/array-of-buffers/main.comp.spv");
         let (scene, _) = arguments.scene(module, None, InputLimits::default(), false).unwrap();
-        let assembled = crate::scene::assemble(&scene).unwrap();
+        let assembled = anyhit_scene::assemble(&scene).unwrap();
         let error = assembled.run::<64>(&assembled.resources, &|_| ()).unwrap_err();
         let trap = error.trap().expect("a trap");
         assert_eq!((trap.code, trap.launch_id), (TrapCode::BufferOutOfBounds, [3, 0, 0]));

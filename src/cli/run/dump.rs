@@ -6,16 +6,16 @@ use std::sync::Arc;
 
 use serde_json::json;
 
-use crate::error::{Error, ErrorKind, Result};
-use crate::harness::typed::{bound, pointed};
-use crate::harness::typed_scene::{programs, roots, typed};
-use crate::harness::value::Value;
-use crate::machine::image::Image;
-use crate::machine::{Binding, Buffer, Descriptor, DeviceMemory, Resources};
-use crate::ops::pointer::storage;
-use crate::scene::resources::Resource;
-use crate::scene::{Assembled, ResolvedScene, resolved};
-use crate::sorted::json_object;
+use anyhit_base::error::{Error, ErrorKind, Result};
+use anyhit_base::sorted::json_object;
+use anyhit_cases::typed_scene::{programs, roots, typed};
+use anyhit_engine::machine::image::Image;
+use anyhit_engine::machine::{Binding, Buffer, Descriptor, DeviceMemory, Resources};
+use anyhit_engine::ops::pointer::storage;
+use anyhit_scene::resources::Resource;
+use anyhit_scene::{Assembled, ResolvedScene, resolved};
+use anyhit_unit_test::typed::{bound, pointed};
+use anyhit_unit_test::value::Value;
 
 /// How a resource is shown.
 #[derive(Clone, Debug, PartialEq, Eq)]

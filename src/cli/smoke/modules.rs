@@ -10,16 +10,16 @@ use crate::cli::share::ShareArgs;
 use crate::cli::smoke::verdict::{JsonReport, verdict};
 use crate::cli::smoke::{findings_of, write_sarif};
 use crate::cli::{module_file, output};
-use crate::compile::SourceWords;
-use crate::error::{Error, ErrorKind, ErrorReport, Result};
-use crate::escape;
-use crate::harness::case::{FoundFiles, files_beneath};
-use crate::harness::in_order::in_order;
-use crate::harness::shares::smoke::{ModuleResult, ModuleVerdict, SmokeResult, SmokeWhole};
-use crate::harness::shares::{ShareResults, fingerprint};
-use crate::harness::smoke::{SmokeOptions, SmokeReport};
-use crate::input::InputLimits;
-use crate::sanitize::FindingRecord;
+use anyhit_base::error::{Error, ErrorKind, ErrorReport, Result};
+use anyhit_base::escape;
+use anyhit_base::input::InputLimits;
+use anyhit_cases::case::{FoundFiles, files_beneath};
+use anyhit_cases::in_order::in_order;
+use anyhit_cases::shares::smoke::{ModuleResult, ModuleVerdict, SmokeResult, SmokeWhole};
+use anyhit_cases::shares::{ShareResults, fingerprint};
+use anyhit_cases::smoke::{SmokeOptions, SmokeReport};
+use anyhit_compile::SourceWords;
+use anyhit_sanitize::FindingRecord;
 
 /// How several modules are run.
 pub(super) struct ModulesToRun {

@@ -2,9 +2,9 @@
 
 use serde::Serialize;
 
-use crate::error::{Error, ErrorClass, ErrorKind, ErrorReport, Result};
-use crate::harness::sanitized::deny;
-use crate::harness::smoke::{SmokeReport, SmokeVerdict};
+use anyhit_base::error::{Error, ErrorClass, ErrorKind, ErrorReport, Result};
+use anyhit_cases::sanitized::deny;
+use anyhit_cases::smoke::{SmokeReport, SmokeVerdict};
 
 /// What `--json` prints.
 #[derive(Serialize)]

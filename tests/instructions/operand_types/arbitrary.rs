@@ -5,10 +5,10 @@ use std::fmt::Write;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
-use anyhit::internals::error::{ErrorKind, Result};
-use anyhit::internals::machine::Resources;
-use anyhit::internals::ops::support::{self, Support};
-use anyhit::internals::pipeline::{Launch, Pipeline};
+use anyhit_base::error::{ErrorKind, Result};
+use anyhit_engine::machine::Resources;
+use anyhit_engine::ops::support::{self, Support};
+use anyhit_engine::pipeline::{Launch, Pipeline};
 use rspirv::grammar::{INSTRUCTION_TABLE, OperandKind, OperandQuantifier};
 
 use crate::instructions::operand_types::types::hash;
@@ -197,8 +197,8 @@ fn module(instruction: &str) -> String {
 
 /// Loads, lowers and, where that succeeds, runs it for one invocation.
 fn run(text: &str) -> Result<()> {
-    let module = Arc::new(anyhit::internals::module::load(&assemble(text))?);
-    let program = anyhit::internals::program::lower(&module, &module.entry_points[0])?;
+    let module = Arc::new(anyhit_engine::module::load(&assemble(text))?);
+    let program = anyhit_engine::program::lower(&module, &module.entry_points[0])?;
     let pipeline = Pipeline::builder().ray_generation(program)?.build()?;
     let resources = Resources::default();
     Launch { pipeline: &pipeline, resources: &resources }.run::<1>([1, 1, 1], &|_| ()).map(|_| ())

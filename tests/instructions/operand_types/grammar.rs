@@ -3,7 +3,7 @@
 
 use std::collections::BTreeSet;
 
-use anyhit::internals::ops::support::{self, Support};
+use anyhit_engine::ops::support::{self, Support};
 use rspirv::grammar::{ExtInstOp, GLSL_STD_450_INSTRUCTION_TABLE, INSTRUCTION_TABLE, OperandKind};
 
 use crate::instructions::operand_types::{special, table};

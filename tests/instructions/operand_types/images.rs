@@ -3,10 +3,10 @@
 use std::fmt::Write;
 use std::sync::Arc;
 
-use anyhit::internals::machine::format::{Component, Format};
-use anyhit::internals::machine::image::{Image, ImageShape};
-use anyhit::internals::machine::sampler::Sampler;
-use anyhit::internals::machine::{Descriptor, Resources};
+use anyhit_engine::machine::format::{Component, Format};
+use anyhit_engine::machine::image::{Image, ImageShape};
+use anyhit_engine::machine::sampler::Sampler;
+use anyhit_engine::machine::{Descriptor, Resources};
 
 use crate::instructions::operand_types::exact;
 use crate::instructions::operand_types::literal;

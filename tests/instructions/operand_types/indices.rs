@@ -114,11 +114,11 @@ fn indices_of_every_type_lead_to_the_same_element() {
         };
         let words = [30u32, 31, 32, 33].map(u32::to_le_bytes).concat();
         let mut resources = || {
-            let buffer = anyhit::internals::machine::Buffer::new(&words);
-            anyhit::internals::machine::Resources::default().bind(
+            let buffer = anyhit_engine::machine::Buffer::new(&words);
+            anyhit_engine::machine::Resources::default().bind(
                 0,
                 1,
-                anyhit::internals::machine::Descriptor::Buffer(buffer),
+                anyhit_engine::machine::Descriptor::Buffer(buffer),
             )
         };
         let found =

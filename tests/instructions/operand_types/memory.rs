@@ -3,7 +3,7 @@
 
 use std::fmt::Write;
 
-use anyhit::internals::machine::{Buffer, Descriptor, Resources};
+use anyhit_engine::machine::{Buffer, Descriptor, Resources};
 
 use crate::instructions::operand_types::exact;
 use crate::instructions::operand_types::refused::not_refused;

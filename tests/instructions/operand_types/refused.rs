@@ -4,7 +4,7 @@ use std::fmt::Write;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
-use anyhit::internals::error::ErrorKind;
+use anyhit_base::error::ErrorKind;
 
 use crate::instructions::operand_types::rules::Rule;
 use crate::instructions::operand_types::types::{KINDS, Ty};
@@ -91,11 +91,10 @@ pub fn module(bodies: &[String]) -> String {
 /// Those of the entry points of bodies that are not refused as invalid, with what happened.
 pub fn not_refused(bodies: &[String]) -> Vec<(usize, String)> {
     let module =
-        Arc::new(anyhit::internals::module::load(&assemble(&module(bodies))).expect("a module that loads"));
+        Arc::new(anyhit_engine::module::load(&assemble(&module(bodies))).expect("a module that loads"));
     let mut found = Vec::new();
     for (at, entry) in module.entry_points.iter().enumerate() {
-        let told = match catch_unwind(AssertUnwindSafe(|| anyhit::internals::program::lower(&module, entry)))
-        {
+        let told = match catch_unwind(AssertUnwindSafe(|| anyhit_engine::program::lower(&module, entry))) {
             Ok(Ok(_)) => "runs".to_owned(),
             Ok(Err(error)) if error.kind() == ErrorKind::InvalidModule => {
                 assert!(!error.message().contains("bug in anyhit"), "{}", error.render());

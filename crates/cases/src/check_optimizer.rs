@@ -1,0 +1,52 @@
+//! Translation validation: what a case leaves behind with optimised programs and without any
+//! optimisation must be the same, bit for bit.
+//!
+//! The optimizer (store-to-load forwarding, constant folding, dead-code elimination, copy
+//! propagation, register allocation, superinstructions) may change how a shader is executed, never
+//! what it does. The reference of
+//! [`Program::unoptimized`](anyhit_engine::program::Program::unoptimized) passes none of it.
+
+use crate::case::{Counts, Loaded, difference};
+use crate::expect::Observed;
+use crate::run::{RayMeasurements, run, run_ray};
+use anyhit_base::error::{Error, ErrorKind, Place, Result};
+
+impl Loaded {
+    /// Compares what the launch left behind, all of it, with runs of the reference at 1, 64 and
+    /// 128 lanes.
+    ///
+    /// # Errors
+    /// `Expectation` with the first difference.
+    pub fn check_launch(&self, optimized: &Observed) -> Result<()> {
+        let reference = self.assembled.unoptimized()?;
+        let scene = &self.scene;
+        self.same(1, optimized, &run::<1>(scene, &reference))?;
+        self.same(64, optimized, &run::<64>(scene, &reference))?;
+        self.same(128, optimized, &run::<128>(scene, &reference))
+    }
+
+    /// Compares what became of a ray of the scene, and what it left behind, with a run of the
+    /// reference.
+    ///
+    /// # Errors
+    /// `Expectation` with the first difference.
+    pub fn check_ray(&self, at: usize, optimized: &Observed) -> Result<()> {
+        let reference = self.assembled.unoptimized()?;
+        self.same(1, optimized, &run_ray(&self.scene, &reference, at, &mut RayMeasurements::default()))
+    }
+
+    fn same(&self, lanes: u32, optimized: &Observed, reference: &Observed) -> Result<()> {
+        let rays = |observed: &Observed| format!("{:?}", observed.rays);
+        let found = difference(optimized, reference, Counts::Rays).or_else(|| {
+            let rays = [rays(optimized), rays(reference)];
+            // Those of a launch are not always traced.
+            let differ = !optimized.rays.is_empty() && rays[0] != rays[1];
+            differ.then(|| format!("rays {} / {}", rays[0], rays[1]))
+        });
+        let Some(difference) = found else { return Ok(()) };
+        let message = format!("optimised and not optimised ({lanes} lanes) disagree: {difference}");
+        Err(Error::new(ErrorKind::Expectation, message)
+            .at(Place::File(self.scene.path.clone()))
+            .note("this is a bug in anyhit's optimizer, not in the shader: please report it with the module"))
+    }
+}

@@ -1,0 +1,145 @@
+//! Something that is not as expected, at its place in the scene file.
+
+use anyhit_base::error::names::nearest;
+use anyhit_base::error::{Error, ErrorKind};
+use anyhit_engine::math::array;
+use anyhit_scene::image::Rgba8;
+use anyhit_scene::read::{Span, Spanned};
+
+/// How many differences of one table are shown.
+pub(super) const SHOWN: usize = 6;
+
+/// Something that is not as expected.
+#[derive(Clone, Debug)]
+pub struct Difference {
+    /// What differs, at its place in the scene file.
+    pub error: Error,
+    /// What makes the expectation hold; not there where the value is derived.
+    pub fix: Option<Fix>,
+    /// Which result differs.
+    pub subject: Subject,
+    /// Both pictures, where pictures differ.
+    pub picture: Option<Box<PictureDifference>>,
+    /// Whether it is counted by the difference before and need not be shown.
+    pub counted: bool,
+}
+
+/// A change of a scene file, or another file to write.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Fix {
+    /// Another text for a range of the file.
+    Text(Span, String),
+    /// A file, written as a whole.
+    File(std::path::PathBuf, Vec<u8>),
+}
+
+/// The result that differs from an expectation.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub enum Subject {
+    /// Nothing in particular.
+    #[default]
+    Launch,
+    /// Bytes of the buffer at set, binding and array element.
+    Buffer([u32; 3], usize),
+    /// Bytes of the buffer that is bound nowhere, by its name.
+    UnboundBuffer(String, usize),
+    /// A texel of the image at set, binding and array element.
+    Texel([u32; 3], [u32; 2]),
+    /// A named ray, and the word of its payload where it is one.
+    Ray(String, Option<usize>),
+    /// A word of the payload of the ray at hand.
+    Payload(usize),
+    /// A launch index.
+    Invocation([u32; 3]),
+}
+
+impl Difference {
+    /// A difference at a place of the scene file.
+    pub fn new(span: &Span, message: impl Into<String>, because: Option<&String>) -> Self {
+        let error = Error::new(ErrorKind::Expectation, message).at_with(span.place(), "");
+        Self::of(match because {
+            Some(because) => error.note(format!("because: {because}")),
+            None => error,
+        })
+    }
+
+    /// An error as a difference.
+    pub fn of(error: Error) -> Self {
+        Self { error, fix: None, subject: Subject::default(), picture: None, counted: false }
+    }
+
+    /// A name that the scene does not know, with those that it does.
+    pub(super) fn unknown<'n>(
+        name: &Spanned<String>,
+        what: &str,
+        known: impl Iterator<Item = &'n str> + Clone,
+    ) -> Self {
+        let label = nearest(&name.value, known.clone()).map(|near| format!("did you mean `{near}`?"));
+        let message = format!("the scene has no {what} `{}`", name.value);
+        let error = name.span.error_with(message, label.unwrap_or_default());
+        let known: Vec<_> = known.map(|name| format!("`{name}`")).collect();
+        let known = if known.is_empty() { "none".into() } else { known.join(", ") };
+        Self::of(error.note(format!("available: {known}")))
+    }
+
+    /// Differences as one error; there must be some.
+    pub fn as_error(differences: Vec<Self>) -> Error {
+        let shown = differences.into_iter().filter(|difference| !difference.counted);
+        Error::several(shown.map(|difference| difference.error).collect())
+    }
+
+    /// With what makes it hold, unless the value is derived.
+    #[must_use]
+    pub(super) fn mended(self, span: &Span, text: impl Into<String>, because: Option<&String>) -> Self {
+        let fix = because.is_none().then(|| Fix::Text(span.clone(), text.into()));
+        Self { fix, ..self }
+    }
+
+    #[must_use]
+    pub(super) fn about(self, subject: Subject) -> Self {
+        Self { subject, ..self }
+    }
+}
+
+/// Two pictures, both as 8-bit RGBA.
+#[derive(Clone, Debug)]
+pub struct PictureDifference {
+    /// The image's name.
+    pub name: String,
+    /// The expected picture.
+    pub expected: Rgba8,
+    /// What was found.
+    pub found: Rgba8,
+}
+
+impl PictureDifference {
+    /// Of the bytes of two pictures of one size; `None` where they are not.
+    pub fn new(name: &str, [width, height]: [u32; 2], expected: Vec<u8>, found: Vec<u8>) -> Option<Self> {
+        let picture = |pixels: Vec<u8>| {
+            let size = 4 * u64::from(width) * u64::from(height);
+            (pixels.len() as u64 == size).then_some(Rgba8 { extent: [width, height], pixels })
+        };
+        Some(Self { name: name.into(), expected: picture(expected)?, found: picture(found)? })
+    }
+
+    /// Where they differ, and how much: black where they are equal, else from dark to bright by the
+    /// difference of each channel as a part of the greatest.
+    pub fn difference(&self) -> Rgba8 {
+        let texels = |picture: &Rgba8| picture.pixels.as_chunks::<4>().0.to_vec();
+        let distances: Vec<[u8; 4]> = texels(&self.expected)
+            .into_iter()
+            .zip(texels(&self.found))
+            .map(|(expected, found)| array::from_fn(|channel| expected[channel].abs_diff(found[channel])))
+            .collect();
+        let most = distances.iter().flatten().copied().max().unwrap_or(0).max(1);
+        let shown = distances.into_iter().flat_map(|[r, g, b, a]| {
+            // A difference of alpha alone is shown, too.
+            let [r, g, b] = [r.max(a), g.max(a), b.max(a)].map(|one| match one {
+                0 => 0,
+                one => (48 + u32::from(one) * 207 / u32::from(most)) as u8,
+            });
+            [r, g, b, 255]
+        });
+        Rgba8 { extent: self.expected.extent, pixels: shown.collect() }
+    }
+}

@@ -1,0 +1,242 @@
+//! Pages in HTML about pictures: of a launch that was looked at, and of a picture that is not as a
+//! test expects.
+
+use crate::drawing::heat_map::{HeatMap, HeatScale, number};
+use crate::drawing::page::{HtmlPage, PageExplanations, PageLayer, PagePicture};
+use crate::expect::PictureDifference;
+use crate::observe::fresh_resources;
+use crate::pixel_cost::{Heat, HeatMeasure};
+use anyhit_base::error::Result;
+use anyhit_debugger::{ExplainRequest, Session};
+use anyhit_engine::pipeline::map_on_threads;
+use anyhit_explain::render::{self, RenderOptions};
+
+/// Pictures of at most so many pixels have all of them explained.
+const EXPLAINED_WHOLE: u64 = 4096;
+
+/// About how many pixels of a grid are explained of larger pictures.
+const EXPLAINED_GRID: u64 = 256;
+
+/// How many of the worst pixels a page lists.
+pub const WORST: usize = 16;
+
+/// Pixels to explain, and in words which these are.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ChosenPixels {
+    /// The pixels.
+    pub pixels: Vec<[u32; 2]>,
+    /// Which these are.
+    pub which: String,
+}
+
+impl ChosenPixels {
+    /// Of a small picture all pixels; of others those that are asked for and those of a grid.
+    pub fn of([width, height]: [u32; 2], asked: &[[u32; 2]]) -> Self {
+        let count = u64::from(width) * u64::from(height);
+        if count <= EXPLAINED_WHOLE {
+            let pixels = (0..height).flat_map(|y| (0..width).map(move |x| [x, y])).collect();
+            return Self { pixels, which: "all pixels".to_owned() };
+        }
+        let mut pixels: Vec<[u32; 2]> = Vec::new();
+        let step = (count.div_ceil(EXPLAINED_GRID) as f64).sqrt().ceil() as usize;
+        let along = |side: u32| (step as u32 / 2..side).step_by(step);
+        let grid = along(height).flat_map(|y| along(width).map(move |x| [x, y]));
+        for pixel in asked.iter().copied().chain(grid) {
+            if !pixels.contains(&pixel) {
+                pixels.push(pixel);
+            }
+        }
+        let (all, explained) = (number(count as f64), pixels.len());
+        let which = format!(
+            "{explained} of {all} pixels: every {step}th of every {step}th row, the requested ones and \
+             the worst"
+        );
+        Self { pixels, which }
+    }
+}
+
+/// Explains pixels of a launch, each on resources as the scene describes them, as `anyhit
+/// trace-one-ray` does. What cannot be explained is left out. The passes before run once.
+pub fn explain(
+    session: &Session,
+    pass: Option<&str>,
+    scene_name: Option<&str>,
+    pixels: &[[u32; 2]],
+) -> Vec<([u32; 2], String)> {
+    let resources = fresh_resources(session.assembled());
+    let Ok(begin) = session.beginning(pass, resources) else { return Vec::new() };
+    let text = |at: usize| {
+        let [x, y] = pixels[at];
+        let pixel = ExplainRequest::Pixel([x, y, 0]);
+        let request = match pass {
+            Some(pass) => ExplainRequest::InPass(pass.to_owned(), Box::new(pixel)),
+            None => pixel,
+        };
+        let (mut transcript, _) = session.run_from(&begin, &request).ok()?;
+        if let Some(name) = scene_name {
+            name.clone_into(&mut transcript.scene);
+        }
+        let options = RenderOptions { summary: true, ..RenderOptions::default() };
+        Some(([x, y], render::text(&transcript, options)))
+    };
+    map_on_threads(pixels.len(), text).into_iter().flatten().collect()
+}
+
+/// The heat map of numbers. Its last colour is for `top`, else for the greatest number.
+pub fn heat_map(heat: &Heat, top: Option<f64>) -> HeatMap<'_> {
+    let [most] = heat.percentiles([100]);
+    let (scale, most) = match heat.measure {
+        HeatMeasure::Ulps => (HeatScale::Logarithmic, most),
+        HeatMeasure::Divergence => (HeatScale::Linear, 100.0),
+        _ => (HeatScale::Linear, most),
+    };
+    HeatMap { extent: heat.extent, values: &heat.values, top: top.unwrap_or(most), scale }
+}
+
+/// Lines about all numbers of a heat map.
+pub fn heat_facts(heat: &Heat) -> Vec<String> {
+    let [least, median, most_of_90, most_of_99, most] = heat.percentiles([0, 50, 90, 99, 100]).map(number);
+    let mean = number(heat.mean());
+    let sum = match heat.measure {
+        HeatMeasure::Divergence | HeatMeasure::Ulps => format!("mean {mean}"),
+        _ => format!("total {}, mean {mean}", number(heat.total())),
+    };
+    vec![sum, format!("min {least}, median {median}, 90 % {most_of_90}, 99 % {most_of_99}, max {most}")]
+}
+
+/// The layer of a page for a heat map.
+///
+/// # Errors
+/// Of encoding its picture.
+pub fn heat_layer(heat: &Heat, top: Option<f64>) -> Result<PageLayer> {
+    let mut layer = PageLayer::new(heat.measure.name(), heat.measure.title(), &heat_map(heat, top))?;
+    (layer.facts, layer.worst) = (heat_facts(heat), heat.worst(WORST));
+    Ok(layer)
+}
+
+/// The pictures of a page that compares two, and the layer of their differences.
+///
+/// # Errors
+/// Of encoding the pictures.
+pub fn comparison(compared: &PictureDifference) -> Result<(Vec<PagePicture>, PageLayer)> {
+    let pictures = vec![
+        PagePicture::new("found", &compared.found)?,
+        PagePicture::new("expected", &compared.expected)?,
+        PagePicture::new("difference", &compared.difference())?,
+    ];
+    let distances = distances(compared);
+    let count = distances.iter().filter(|&&distance| distance > 0.0).count();
+    let worst = worst_pixels(compared, &distances);
+    let extent = compared.found.extent;
+    let most = worst.first().map_or(0.0, |(_, most)| *most);
+    let map = HeatMap { extent, values: &distances, top: most, scale: HeatScale::Linear };
+    let mut layer = PageLayer::new("difference", "greatest difference in a channel, out of 255", &map)?;
+    let all = number(distances.len() as f64);
+    layer.facts = vec![format!("{} of {all} pixels differ, by at most {most}", number(count as f64))];
+    layer.worst = worst;
+    Ok((pictures, layer))
+}
+
+/// The page for a picture of a test that is not as expected, with the explanations of the pixels
+/// that differ most where there is a session of the scene.
+///
+/// # Errors
+/// Of encoding the pictures.
+pub fn failed_picture(
+    test: &str,
+    compared: &PictureDifference,
+    session: Option<&Session>,
+    command: Option<[String; 2]>,
+) -> Result<HtmlPage> {
+    let (pictures, layer) = comparison(compared)?;
+    let worst: Vec<[u32; 2]> = layer.worst.iter().map(|(pixel, _)| *pixel).collect();
+    let explained = session.map_or_else(Vec::new, |session| explain(session, None, None, &worst));
+    let which = format!("the {} pixels that differ most", explained.len());
+    Ok(HtmlPage {
+        title: format!("{test}: image `{}` is not as expected", compared.name),
+        facts: layer.facts.clone(),
+        extent: compared.found.extent,
+        pictures,
+        layers: vec![layer],
+        shown: None,
+        selected: worst.first().copied(),
+        explanations: (!explained.is_empty()).then(|| PageExplanations::new(&explained, which)),
+        command,
+    })
+}
+
+/// By pixel, the greatest difference of a channel.
+fn distances(compared: &PictureDifference) -> Vec<f64> {
+    let pixels = compared.expected.pixels.chunks_exact(4).zip(compared.found.pixels.chunks_exact(4));
+    let distance = |(one, other): (&[u8], &[u8])| {
+        one.iter().zip(other).map(|(one, other)| one.abs_diff(*other)).max().unwrap_or(0)
+    };
+    pixels.map(|pair| f64::from(distance(pair))).collect()
+}
+
+/// The pixels that differ most, and by how much.
+fn worst_pixels(compared: &PictureDifference, distances: &[f64]) -> Vec<([u32; 2], f64)> {
+    let [width, height] = compared.found.extent;
+    let heat = Heat { measure: HeatMeasure::Ulps, extent: [width, height], values: distances.to_vec() };
+    heat.worst(WORST)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use anyhit_scene::{DiskFiles, LoadOptions, load};
+
+    /// The second pass reads what the first has written to one image, and writes the other. It has
+    /// four invocations in a row.
+    #[test]
+    fn pixels_are_explained_as_if_each_were_the_only_one() {
+        let path = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."))
+            .join("shaders/pass/frames/ping-pong/scene.toml");
+        let scene = load(&path, &DiskFiles, &LoadOptions::default()).unwrap();
+        let session = Session::new(scene).unwrap();
+        let pixels = [[0, 0], [1, 0], [0, 1], [3, 0], [1, 0]];
+        let explained = explain(&session, Some("ao"), None, &pixels);
+        let inside = [[0, 0], [1, 0], [3, 0], [1, 0]];
+        assert_eq!(explained.iter().map(|(pixel, _)| *pixel).collect::<Vec<_>>(), inside);
+        for ([x, y], text) in explained {
+            let pixel = ExplainRequest::Pixel([x, y, 0]);
+            let request = ExplainRequest::InPass("ao".to_owned(), Box::new(pixel));
+            let alone = session.run_on(&request, &fresh_resources(session.assembled())).unwrap().0;
+            let options = RenderOptions { summary: true, ..RenderOptions::default() };
+            assert_eq!(text, render::text(&alone, options), "({x}, {y})");
+        }
+        assert!(explain(&session, Some("none"), None, &pixels).is_empty());
+    }
+
+    #[test]
+    fn small_pictures_are_explained_whole() {
+        let all = ChosenPixels::of([64, 64], &[[1, 1]]);
+        assert_eq!((all.pixels.len(), all.which.as_str()), (4096, "all pixels"));
+        assert_eq!(all.pixels[65], [1, 1]);
+    }
+
+    #[test]
+    fn large_ones_by_what_is_asked_for_and_a_grid() {
+        // 1,000 x 600 are 600,000 pixels; a 256th of them are 2,344, and 48.4 squared.
+        let some = ChosenPixels::of([1000, 600], &[[999, 599], [24, 24], [999, 599]]);
+        assert_eq!(some.pixels[..3], [[999, 599], [24, 24], [73, 24]]);
+        // Columns 24, 73, ..., 955 or 998, rows 24, 73, ..., 563.
+        assert_eq!(some.pixels.len(), 20 * 12 + 1);
+        assert!(
+            some.which.starts_with("241 of 600,000 pixels: every 49th of every 49th row"),
+            "{}",
+            some.which
+        );
+    }
+
+    #[test]
+    fn the_distance_of_pixels_is_that_of_their_farthest_channels() {
+        let picture = |pixels: &[u8]| pixels.to_vec();
+        let (one, other) = (picture(&[1, 2, 3, 4, 9, 9, 9, 9]), picture(&[1, 5, 2, 4, 9, 9, 9, 9]));
+        let compared = PictureDifference::new("p", [2, 1], one, other).expect("pictures of one size");
+        assert_eq!(distances(&compared), [3.0, 0.0]);
+        assert_eq!(worst_pixels(&compared, &distances(&compared)), [([0, 0], 3.0)]);
+    }
+}

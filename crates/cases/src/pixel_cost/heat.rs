@@ -1,0 +1,188 @@
+//! One number for each pixel of a launch, and where it is greatest.
+
+use crate::pixel_cost::{LaunchCost, PixelCost};
+use anyhit_base::error::{Error, ErrorKind, Result};
+
+/// What a heat map shows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum HeatMeasure {
+    /// [`PixelCost::instructions`]
+    Instructions,
+    /// [`PixelCost::nodes`]
+    Nodes,
+    /// [`PixelCost::primitives`]
+    Primitives,
+    /// [`PixelCost::any_hit`]
+    AnyHit,
+    /// [`PixelCost::divergent`] as a percentage of the instructions.
+    Divergence,
+    /// How far what the invocation writes to images is from f64 arithmetic: the greatest error of
+    /// a float component, in units in the last place of an f32.
+    Ulps,
+}
+
+impl HeatMeasure {
+    /// All measures.
+    pub const ALL: [Self; 6] =
+        [Self::Instructions, Self::Nodes, Self::Primitives, Self::AnyHit, Self::Divergence, Self::Ulps];
+
+    /// The name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Instructions => "instructions",
+            Self::Nodes => "nodes",
+            Self::Primitives => "primitives",
+            Self::AnyHit => "any-hit",
+            Self::Divergence => "divergence",
+            Self::Ulps => "ulps",
+        }
+    }
+
+    /// What is measured of a pixel, in words that fit a line.
+    pub fn title(self) -> &'static str {
+        match self {
+            Self::Instructions => "SPIR-V instructions per pixel",
+            Self::Nodes => "BVH nodes opened per pixel",
+            Self::Primitives => "primitives tested per pixel",
+            Self::AnyHit => "any-hit invocations per pixel",
+            Self::Divergence => "% of instructions executed by part of a subgroup",
+            Self::Ulps => "error against f64, in ulps of f32",
+        }
+    }
+
+    /// The measure of a cost; `None` for what is not among the counts of a launch.
+    fn of(self, pixel: &PixelCost) -> Option<f64> {
+        let count = match self {
+            Self::Instructions => pixel.instructions,
+            Self::Nodes => pixel.nodes,
+            Self::Primitives => pixel.primitives,
+            Self::AnyHit => pixel.any_hit,
+            Self::Divergence => {
+                return Some(100.0 * pixel.divergent as f64 / pixel.instructions.max(1) as f64);
+            }
+            Self::Ulps => return None,
+        };
+        Some(count as f64)
+    }
+}
+
+/// One number for each pixel.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Heat {
+    /// What the numbers are.
+    pub measure: HeatMeasure,
+    /// Width and height.
+    pub extent: [u32; 2],
+    /// The numbers, rows from the top.
+    pub values: Vec<f64>,
+}
+
+impl LaunchCost {
+    /// The numbers of a measure that is among the counts.
+    ///
+    /// # Errors
+    /// `InvalidArgument` for a launch that has a depth, and of divergence where it cannot be seen.
+    pub fn heat(&self, measure: HeatMeasure) -> Result<Heat> {
+        if measure == HeatMeasure::Divergence && self.subgroup_size.is_none() {
+            let message = "the divergence of this launch cannot be counted";
+            return Err(Error::new(ErrorKind::UnsupportedModule, message).note(
+                "either its results depend on the order of invocations, which then run one by one, \
+                    or its subgroups have more than 64",
+            ));
+        }
+        Heat::new(measure, self.size, self.pixels.iter().filter_map(|pixel| measure.of(pixel)).collect())
+    }
+}
+
+impl Heat {
+    /// Numbers by launch index.
+    ///
+    /// # Errors
+    /// `InvalidArgument` for a launch that is no picture, as it has a depth.
+    pub fn new(measure: HeatMeasure, size: [u32; 3], values: Vec<f64>) -> Result<Self> {
+        let [width, height, depth] = size;
+        if depth != 1 {
+            let message =
+                format!("a launch of {width} x {height} x {depth} has no heat map: its depth must be 1");
+            return Err(Error::new(ErrorKind::InvalidArgument, message)
+                .note("use `--profile` for launches of any depth"));
+        }
+        Ok(Self { measure, extent: [width, height], values })
+    }
+
+    /// The sum.
+    pub fn total(&self) -> f64 {
+        self.values.iter().sum()
+    }
+
+    /// The mean; 0 of nothing.
+    pub fn mean(&self) -> f64 {
+        self.total() / self.values.len().max(1) as f64
+    }
+
+    /// The least numbers that as many percent of the pixels do not exceed (their nearest ranks):
+    /// `[0, 100]` are the least and the greatest number.
+    pub fn percentiles<const N: usize>(&self, percents: [u32; N]) -> [f64; N] {
+        let mut sorted = self.values.clone();
+        sorted.sort_unstable_by(f64::total_cmp);
+        let count = sorted.len() as u64;
+        percents.map(|percent| {
+            let rank = (u64::from(percent) * count).div_ceil(100).max(1);
+            sorted.get(rank as usize - 1).copied().unwrap_or(0.0)
+        })
+    }
+
+    /// The pixels with the greatest numbers above 0, at most so many; of equal ones the first.
+    pub fn worst(&self, most: usize) -> Vec<([u32; 2], f64)> {
+        let mut order: Vec<usize> = (0..self.values.len()).filter(|&at| self.values[at] > 0.0).collect();
+        let by_value = |one: &usize, other: &usize| {
+            self.values[*other].total_cmp(&self.values[*one]).then(one.cmp(other))
+        };
+        if order.len() > most && most > 0 {
+            order.select_nth_unstable_by(most - 1, by_value);
+        }
+        order.truncate(most);
+        order.sort_unstable_by(by_value);
+        let width = self.extent[0].max(1) as usize;
+        order.into_iter().map(|at| ([(at % width) as u32, (at / width) as u32], self.values[at])).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn heat(values: &[f64]) -> Heat {
+        Heat::new(HeatMeasure::Nodes, [values.len() as u32 / 2, 2, 1], values.to_vec()).expect("a plane")
+    }
+
+    #[test]
+    fn percentiles_are_nearest_ranks() {
+        // The example of the nearest-rank method: of five numbers the 30th percentile is the second
+        // and the 40th, too, the 50th the third.
+        let five = Heat { values: vec![50.0, 15.0, 40.0, 20.0, 35.0], ..heat(&[0.0; 2]) };
+        assert_eq!(five.percentiles([0, 5, 30, 40, 50, 100]), [15.0, 15.0, 20.0, 20.0, 35.0, 50.0]);
+        assert_eq!(five.total(), 160.0);
+        assert_eq!(five.mean(), 32.0);
+    }
+
+    #[test]
+    fn the_worst_pixels_come_first_and_equal_ones_in_order() {
+        let six = heat(&[1.0, 7.0, 0.0, 7.0, 9.0, 7.0]);
+        assert_eq!(six.worst(3), [([1, 1], 9.0), ([1, 0], 7.0), ([0, 1], 7.0)]);
+        assert_eq!(six.worst(10).len(), 5, "a pixel that costs nothing is not among the worst");
+        assert_eq!(six.worst(0), []);
+    }
+
+    #[test]
+    fn a_launch_with_a_depth_is_no_picture() {
+        assert!(Heat::new(HeatMeasure::Nodes, [1, 1, 2], vec![0.0; 2]).is_err());
+    }
+
+    #[test]
+    fn divergence_is_a_share_of_the_instructions() {
+        let pixel = PixelCost { instructions: 8, divergent: 2, ..PixelCost::default() };
+        assert_eq!(HeatMeasure::Divergence.of(&pixel), Some(25.0));
+        assert_eq!(HeatMeasure::Divergence.of(&PixelCost::default()), Some(0.0));
+    }
+}

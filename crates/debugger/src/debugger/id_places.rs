@@ -1,0 +1,162 @@
+//! Where the values are that ids of a module stand for, in a program that is not optimised.
+
+use std::sync::Arc;
+
+use crate::debugger::lane_state::LaneState;
+use crate::debugger::place_memory::{MemoryBase, MemoryPlace, PlaceContext};
+use crate::debugger::value_layout::{constant_words, word_count};
+use crate::debugger::variable_place::VariablePlace;
+use anyhit_engine::machine::{Bindings, REGISTER_POINTER, Reg};
+use anyhit_engine::module::constant::ConstantValue;
+use anyhit_engine::module::ty::{Type, TypeId};
+use anyhit_engine::module::{Definition, Id};
+use anyhit_engine::ops::memory::{BufferRef, OUT_OF_BOUNDS};
+use anyhit_engine::ops::pointer::{Pointer, PointerBase};
+use anyhit_engine::ops::translate::IdValue;
+use anyhit_engine::program::Program;
+
+/// Why a value that is no variable cannot be set.
+const NO_VARIABLE: &str = "it is a value, not a variable: the compiler may have used it already";
+/// Why an input cannot be set.
+const INPUT: &str = "it is an input of the shader";
+
+/// Finds the places of ids in one inlined call of a program.
+#[derive(Clone, Debug)]
+pub(super) struct IdPlaces<'a> {
+    pub(super) program: &'a Program,
+    pub(super) context: Arc<PlaceContext>,
+    pub(super) state: &'a dyn LaneState,
+    /// The inlined call; see [`Program::scopes`].
+    pub(super) scope: u32,
+}
+
+impl IdPlaces<'_> {
+    /// The value of an id.
+    pub(super) fn value(&self, id: Id) -> VariablePlace {
+        let module = &self.program.module;
+        let Some(ty) = module.type_of(id) else { return self.unavailable(id, self.void()) };
+        match self.program.id_values.find(self.scope, id) {
+            Some(IdValue::Words(words)) => {
+                VariablePlace::registers(&self.context, ty, words.clone()).fixed(NO_VARIABLE)
+            }
+            Some(IdValue::Pointer(pointer)) => match pointer.base {
+                PointerBase::Buffer(BufferRef::Address(base)) => {
+                    let offset = self.offset(pointer).unwrap_or(0);
+                    let address = self.address(base).wrapping_add(offset);
+                    let words = vec![address as u32, (address >> 32) as u32];
+                    VariablePlace::constant(&self.context, ty, words)
+                }
+                _ => VariablePlace::pointer(&self.context, ty, self.of_pointer(pointer)),
+            },
+            None => match constant_words(module, id) {
+                Some(words) => VariablePlace::constant(&self.context, ty, words),
+                None => self.unavailable(id, ty),
+            },
+        }
+    }
+
+    /// What an id points to.
+    pub(super) fn pointee(&self, id: Id) -> VariablePlace {
+        let module = &self.program.module;
+        let (Some(pointer), Some(ty)) = (module.type_of(id), module.pointee(id)) else {
+            return self.unavailable(id, self.void());
+        };
+        match self.program.id_values.find(self.scope, id) {
+            Some(IdValue::Pointer(pointer)) => self.of_pointer(pointer),
+            Some(IdValue::Words(words)) => {
+                let words: Vec<u32> = words.iter().map(|&reg| self.state.register(reg)).collect();
+                let found = VariablePlace::of_pointer(&self.context, pointer, &words);
+                found.unwrap_or_else(|why| VariablePlace::unavailable(&self.context, ty, why))
+            }
+            None => self.unavailable(id, ty),
+        }
+    }
+
+    fn unavailable(&self, id: Id, ty: TypeId) -> VariablePlace {
+        let is_undefined = match self.program.module.definition(id) {
+            Some(Definition::Constant(at)) => {
+                self.program.module.constants[at as usize].value == ConstantValue::Undef
+            }
+            _ => false,
+        };
+        let why = match is_undefined {
+            true => "optimized out: the compiler records no value for it here".to_owned(),
+            false => format!("optimized out: nothing in this call of the function calculates %{}", id.0),
+        };
+        VariablePlace::unavailable(&self.context, ty, why)
+    }
+
+    /// The type of what has none.
+    pub(super) fn void(&self) -> TypeId {
+        let types = &self.program.module.types;
+        TypeId(types.iter().position(|ty| matches!(ty, Type::Void)).unwrap_or(0) as u32)
+    }
+
+    fn address(&self, base: Reg) -> u64 {
+        u64::from(self.state.register(base)) | u64::from(self.state.register(base.plus(1))) << 32
+    }
+
+    /// The whole offset of a pointer; `None` where its index is out of bounds.
+    fn offset(&self, pointer: &Pointer) -> Option<u64> {
+        let index = pointer.index.map_or(0, |index| self.state.register(index));
+        (index != OUT_OF_BOUNDS).then(|| u64::from(pointer.offset) + u64::from(index))
+    }
+
+    fn of_pointer(&self, pointer: &Pointer) -> VariablePlace {
+        self.try_of_pointer(pointer)
+            .unwrap_or_else(|why| VariablePlace::unavailable(&self.context, pointer.pointee, why))
+    }
+
+    fn try_of_pointer(&self, pointer: &Pointer) -> Result<VariablePlace, &'static str> {
+        let (context, ty) = (&self.context, pointer.pointee);
+        let outside = "an index of its access chain is out of bounds";
+        let words = || word_count(&context.module, ty).ok_or("it cannot be read as a whole");
+        match pointer.base {
+            PointerBase::Registers { first, count, constant } => {
+                let (offset, words) = (self.offset(pointer).ok_or(outside)?, words()?);
+                if offset + u64::from(words) > count.into() {
+                    return Err(outside);
+                }
+                let first = first.plus(offset as u32);
+                let place =
+                    VariablePlace::registers(context, ty, (0..words).map(|at| first.plus(at)).collect());
+                Ok(if constant { place.fixed(INPUT) } else { place })
+            }
+            PointerBase::ComputedRegisters => {
+                let index = pointer.index.map_or(0, |index| self.state.register(index));
+                match index {
+                    OUT_OF_BOUNDS => Err(outside),
+                    0..REGISTER_POINTER => Err("the pointer is null"),
+                    _ => {
+                        let first = pointer.pointed_registers().computed(index);
+                        let registers = (0..words()?).map(|at| first.computed(at)).collect();
+                        Ok(VariablePlace::registers(context, ty, registers))
+                    }
+                }
+            }
+            PointerBase::Buffer(buffer) => {
+                let base = match buffer {
+                    BufferRef::Handle(handle) => MemoryBase::Descriptor(handle),
+                    BufferRef::Computed(reg) => MemoryBase::of_handle(self.state.register(reg)),
+                    BufferRef::PushConstants => MemoryBase::PushConstants,
+                    BufferRef::ShaderRecord => MemoryBase::ShaderRecord,
+                    BufferRef::Workgroup => MemoryBase::Workgroup,
+                    BufferRef::Address(reg) => MemoryBase::Address(self.address(reg)),
+                };
+                let offset = self.offset(pointer).ok_or(outside)?;
+                let packed = context.is_packed(pointer.storage_class);
+                let memory = MemoryPlace { base, offset, layout: pointer.layout, packed };
+                Ok(VariablePlace::memory(context, ty, memory))
+            }
+            PointerBase::Descriptors { first, buffers, .. } => {
+                let index = pointer.index.map_or(0, |index| self.state.register(index));
+                if index == OUT_OF_BOUNDS {
+                    return Err(outside);
+                }
+                let handle = Bindings::element_handle(first, pointer.offset).wrapping_add(index);
+                Ok(VariablePlace::descriptors(context, ty, handle, buffers))
+            }
+            PointerBase::Texel(_) => Err("it is a texel, which only atomic instructions access"),
+        }
+    }
+}

@@ -1,0 +1,90 @@
+//! Where values come from: through copies and local variables to the instruction that made them.
+
+use rspirv::spirv::Op as Opcode;
+use rustc_hash::{FxHashMap, FxHashSet};
+
+use anyhit_engine::module::{Definition, Id, Instruction, Module};
+
+/// The values of a module, by what its instructions make of them.
+#[derive(Debug)]
+pub(super) struct Values<'m> {
+    module: &'m Module,
+    /// By local variable: the only value that is stored there; `None` where there are several.
+    stored: FxHashMap<Id, Option<Id>>,
+    /// Results of atomic additions that are the index of an element that is stored.
+    allocated: FxHashSet<Id>,
+}
+
+impl<'m> Values<'m> {
+    /// Those of a module.
+    pub(super) fn of(module: &'m Module) -> Self {
+        let mut values = Self { module, stored: FxHashMap::default(), allocated: FxHashSet::default() };
+        let instructions = module.instructions();
+        let mut pointers = FxHashSet::default();
+        for instruction in instructions.clone() {
+            let operands = module.operands(instruction);
+            match (Opcode::from_u32(instruction.opcode.into()), operands) {
+                (Some(Opcode::Store), &[pointer, value, ..]) => {
+                    pointers.insert(Id(pointer));
+                    let known = values.stored.entry(Id(pointer)).or_insert(Some(Id(value)));
+                    *known = known.filter(|&known| known == Id(value));
+                }
+                (Some(Opcode::Variable), &[_, value]) => {
+                    values.stored.extend(instruction.result.map(|id| (id, Some(Id(value)))));
+                }
+                _ => {}
+            }
+        }
+        for instruction in instructions {
+            let chain = Opcode::from_u32(instruction.opcode.into());
+            let is_chain = matches!(chain, Some(Opcode::AccessChain | Opcode::InBoundsAccessChain));
+            if is_chain && instruction.result.is_some_and(|id| pointers.contains(&id)) {
+                let indices = module.operands(instruction).get(1..).unwrap_or_default();
+                let counters = indices.iter().filter_map(|&index| values.atomic_addition(Id(index)));
+                let counters: Vec<Id> = counters.collect();
+                values.allocated.extend(counters);
+            }
+        }
+        values
+    }
+
+    /// The instruction that made a value, behind copies, changes of its sign and local variables
+    /// that are stored once.
+    pub(super) fn origin(&self, id: Id) -> Option<&'m Instruction> {
+        let mut id = id;
+        // A value does not come from itself; a module that says so is cut off.
+        for _ in 0..16 {
+            let Definition::Result(function, block, at) = self.module.definition(id)? else { return None };
+            let block = self.module.functions[function as usize].blocks.get(block as usize)?;
+            let instruction = block.instructions.get(at as usize)?;
+            let operand = self.module.operands(instruction).first().map(|&operand| Id(operand));
+            id = match Opcode::from_u32(instruction.opcode.into())? {
+                Opcode::CopyObject | Opcode::Bitcast => operand?,
+                Opcode::Load => match self.stored.get(&operand?) {
+                    Some(&Some(value)) => value,
+                    _ => return Some(instruction),
+                },
+                _ => return Some(instruction),
+            };
+        }
+        None
+    }
+
+    /// Whether a value is the length of an array.
+    pub(super) fn is_array_length(&self, id: Id) -> bool {
+        self.origin(id).is_some_and(|origin| origin.opcode == Opcode::ArrayLength as u16)
+    }
+
+    /// Whether a value is what an atomic addition returned, by which an element is chosen that is
+    /// written.
+    pub(super) fn is_allocated(&self, id: Id) -> bool {
+        self.atomic_addition(id).is_some_and(|id| self.allocated.contains(&id))
+    }
+
+    /// The result of the atomic addition that a value is.
+    fn atomic_addition(&self, id: Id) -> Option<Id> {
+        let origin = self.origin(id)?;
+        let opcode = Opcode::from_u32(origin.opcode.into())?;
+        matches!(opcode, Opcode::AtomicIAdd | Opcode::AtomicIIncrement).then_some(origin.result?)
+    }
+}
