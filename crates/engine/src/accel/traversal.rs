@@ -21,6 +21,7 @@ use crate::accel::trace_ray::TraceRay;
 use crate::accel::trav_ray::TravRay;
 use crate::accel::traversal_stack::{Stack, StackEntry};
 use crate::geometry::{Intersection, Intersection4, ObjectRay, Precision};
+use crate::math::baseline_simd::BaselineSimd;
 use crate::math::f32x8::F32x8Ops;
 use crate::math::lane_ops::{LaneOps, LaneTask};
 
@@ -278,8 +279,10 @@ impl<V: TraversalObserver, const FULLY_OPAQUE: bool> Traversal<'_, V, FULLY_OPAQ
         if V::is_active() {
             *part = None;
             if self.observer.explains_misses() {
-                let limit = F32x8Ops::splat(simd, instance_ray.trav_ray.limit(self.hits.cull_t).0);
-                let slabs = instance_ray.trav_ray.slabs(simd);
+                // The closure is called through a pointer, so not as a part of what is compiled for
+                // the instruction set of `simd`.
+                let limit = F32x8Ops::splat(BaselineSimd, instance_ray.trav_ray.limit(self.hits.cull_t).0);
+                let slabs = instance_ray.trav_ray.slabs(BaselineSimd);
                 // The limit only falls: the ray opens no other nodes.
                 *part = instance.blas.grow(&mut |node| node.intersect(&slabs, limit).1);
             }
