@@ -402,7 +402,7 @@ fn the_command_streams_what_it_renders() {
     assert!(files.bytes("bands.png") == files.bytes("whole.png"), "the pictures differ");
     assert_eq!(files.names(), ["bands.png", "main.wgsl", "scene.toml", "whole.png"]);
     match (streamed, whole) {
-        // Two bands are 64 MiB; what else there is, with the pages of the program, has less than 64.
+        // Two bands are 64 MiB; what else there is, the program included, has less than 64.
         (Some(streamed), Some(whole)) => {
             assert!(streamed < 128 << 10 && whole > 131 << 10, "{streamed} KiB, {whole} KiB");
         }
