@@ -70,7 +70,7 @@ pub(crate) struct Measured {
     points: Vec<(usize, Cost)>,
     /// Bytes below which memory is not that of the input.
     floor: f64,
-    /// Whether each cost includes the start of a process.
+    /// Whether each measurement starts a process.
     is_command: bool,
 }
 

@@ -1,15 +1,15 @@
-//! What every crate of anyhit shares: the error type with its rendering, escaping of untrusted
-//! text, reading and writing of files, and sorted collections.
+//! The base of all crates of anyhit: the error type and its rendering, escaping of untrusted text,
+//! reading and writing of files, and sorted collections.
 //!
-//! An [`Error`](error::Error) says whose mistake it is by its kind, has places (a word of a module,
-//! a span of a text file) and renders them as a compiler does. Text that a file can set reaches a
-//! terminal, a page or a report through [`escape`] alone. Files are read within
-//! [`InputLimits`](input::InputLimits) and written through [`atomic_file`], so that a failure
-//! leaves the old content. [`sorted`] has vectors as maps and sets, which iterate in one order on
-//! every machine.
+//! The kind of an [`Error`](error::Error) shows whose mistake it is. Its places are words of a
+//! module or spans of a text file, and it renders them like a compiler. Text from a file reaches a
+//! terminal, a page or a report only through [`escape`]. Files are read within
+//! [`InputLimits`](input::InputLimits) and written through [`atomic_file`], so a failed write keeps
+//! the old content. [`sorted`] contains vectors as maps and sets, which iterate in the same order
+//! on every machine.
 //!
-//! Nothing here knows of shaders beyond the names of their stages. The crate `anyhit` re-exports
-//! what its users need; other items may change in any version.
+//! This crate contains nothing about shaders except the names of their stages. The crate `anyhit`
+//! re-exports the items for users; other items may change in any version.
 
 #[cfg(feature = "compilers")]
 pub mod atomic_file;

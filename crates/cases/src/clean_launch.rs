@@ -1,25 +1,23 @@
 //! Launches under the sanitizer on all threads.
 //!
-//! A report depends on the order of the invocations: the first one that breaks a rule is named, and
-//! the causes of values are told as they were met first. So all threads run a launch together only
-//! as long as nothing is found, each with a record of its own. Once something is found, the memory
-//! is put back, and the launch runs in launch order on one thread. A launch in which nothing is
-//! found has nothing to report in either order, as its invocations access no memory that another
-//! one writes.
+//! A report depends on the order of invocations: it names the first one that breaks a rule, and the
+//! first cause of a value. Threads therefore share a launch only until one of them has a finding.
+//! Each thread keeps its own record. After a finding, the memory is restored, and the launch runs
+//! again in launch order on one thread. Without findings, both orders report nothing, because no
+//! invocation accesses memory that another one writes.
 
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Mutex, PoisonError};
 
-use anyhit_engine::machine::image::{Image, ImageState};
-use anyhit_engine::machine::{Buffer, Descriptor, Resources};
+use anyhit_debugger::debugger::memory_state::ChangingMemory;
 use anyhit_engine::ops::op::Op;
 use anyhit_engine::pipeline::observed_launch::ObservedTask;
 use anyhit_engine::pipeline::{Launch, Stats, WrittenMemory};
 use anyhit_sanitize::{Levels, PausedRayWatch, ProgramPlan, RayWatch, Sanitizer, SeenRays, UnwrittenMemory};
 use anyhit_scene::ResolvedScene;
 
-/// A launch that may turn out to be clean.
+/// A launch that may have no findings.
 pub(super) struct CleanLaunch<'a> {
     pub scene: &'a ResolvedScene,
     pub launch: &'a Launch<'a>,
@@ -27,14 +25,14 @@ pub(super) struct CleanLaunch<'a> {
     pub levels: &'a Levels,
 }
 
-/// What is known after a launch in which nothing was found.
+/// The result of a launch without findings.
 pub(super) struct CleanRun {
     pub stats: Stats,
     pub unwritten: UnwrittenMemory,
     pub seen: SeenRays,
 }
 
-/// What a thread knows of the tasks that it has run.
+/// The record of one thread: its sanitizer, and the rays of its tasks.
 struct Record<'a> {
     sanitizer: Sanitizer<'a>,
     watch: PausedRayWatch,
@@ -43,9 +41,9 @@ struct Record<'a> {
 }
 
 impl CleanLaunch<'_> {
-    /// Runs the launch on all threads. `None` where it must run on one thread, from the memory that
-    /// is there then: something is found, it traps, or it does not run on several threads.
-    /// `unwritten` and `seen` are what is known before it.
+    /// Runs the launch on all threads. Returns `None` if it must run on one thread: after a finding
+    /// or a trap, which leave the memory as it was, or if its invocations depend on their order.
+    /// `unwritten` and `seen` are the records before the launch.
     pub(super) fn run(
         &self,
         size: [u32; 3],
@@ -63,7 +61,8 @@ impl CleanLaunch<'_> {
         {
             return None;
         }
-        let before = SavedMemory::of(&written, resources);
+        let memory = ChangingMemory::of_written(&written, resources);
+        let before = memory.state(None);
         let new_record = || Record {
             sanitizer: Sanitizer::new(plans, levels)
                 .of_pipeline(pipeline)
@@ -97,12 +96,12 @@ impl CleanLaunch<'_> {
         let found = outcome.ok().filter(|_| !is_found.into_inner());
         let clean = found.and_then(|stats| self.joined(stats, records, seen));
         if clean.is_none() {
-            before.restore();
+            memory.restore(&before);
         }
         clean
     }
 
-    /// What all threads know together; `None` where something is found in that.
+    /// Merges the records of all threads. Returns `None` if the merged record has findings.
     fn joined(&self, stats: Stats, records: Vec<Record<'_>>, seen: &SeenRays) -> Option<CleanRun> {
         let mut sanitizers = Vec::new();
         let mut tasks = Vec::new();
@@ -124,47 +123,13 @@ impl CleanLaunch<'_> {
     }
 }
 
-/// What the memory that a launch may write held before it.
-struct SavedMemory {
-    buffers: Vec<(Arc<Buffer>, Vec<u32>)>,
-    images: Vec<(Arc<Image>, ImageState)>,
-}
-
-impl SavedMemory {
-    fn of(written: &WrittenMemory, resources: &Resources) -> Self {
-        let mut saved = Self { buffers: Vec::new(), images: Vec::new() };
-        let kinds = resources.descriptors.values().flatten().flat_map(Descriptor::kinds);
-        for descriptor in kinds {
-            match descriptor {
-                Descriptor::Buffer(buffer) if written.contains_buffer(buffer) => {
-                    let words = buffer.words().iter().map(|word| word.load(Relaxed)).collect();
-                    saved.buffers.push((buffer.clone(), words));
-                }
-                Descriptor::Image(image) | Descriptor::ImageSampler(image, _)
-                    if written.contains_image(image) =>
-                {
-                    saved.images.push((image.clone(), image.state()));
-                }
-                _ => {}
-            }
-        }
-        saved
-    }
-
-    fn restore(&self) {
-        for (buffer, words) in &self.buffers {
-            buffer.words().iter().zip(words).for_each(|(word, &value)| word.store(value, Relaxed));
-        }
-        self.images.iter().for_each(|(image, state)| image.restore(state));
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use std::path::{Path, PathBuf};
 
     use super::*;
     use crate::sanitized::run_sanitized;
+    use anyhit_engine::machine::{Descriptor, Resources};
     use anyhit_sanitize::Findings;
     use anyhit_scene::sanitize_table::scene_levels;
     use anyhit_scene::{Assembled, DiskFiles, LoadOptions, assemble, load_text};

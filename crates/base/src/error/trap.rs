@@ -244,7 +244,7 @@ pub struct IndexOperand {
     pub index: Option<i64>,
     /// The number of elements, if it is known.
     pub length: Option<u64>,
-    /// What it indexes, by its name.
+    /// The name of the array, vector or matrix.
     pub of: Option<String>,
     /// Of an element of a runtime array in a buffer: its offset there, in bytes.
     pub offset: Option<u64>,

@@ -1,8 +1,8 @@
 //! Threads that decode one input together.
 //!
-//! They are not those of rayon's pool: a thread of the pool that waits takes another task, and that
-//! task may wait for the input that is decoded. There are never more of them than the pool has
-//! threads, however many inputs are decoded at the same time. Results do not depend on their
+//! They are not threads of rayon's pool: a thread of the pool that waits starts another task, and
+//! that task may wait for the same input. All inputs that are decoded at the same time share the
+//! helpers, which are one fewer than the threads of the pool. Results do not depend on their
 //! number.
 
 use std::any::Any;
@@ -12,7 +12,7 @@ use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread;
 
-/// The threads that help others.
+/// The number of helper threads that are running.
 static HELPERS: AtomicUsize = AtomicUsize::new(0);
 
 /// A share of [`HELPERS`].
@@ -41,7 +41,7 @@ impl Drop for Reserved {
 /// Calls `work` on helpers, and `own` on this thread.
 fn with_helpers<R>(helpers: &Reserved, work: &(dyn Fn() + Sync), own: impl FnOnce() -> R) -> R {
     thread::scope(|scope| {
-        // Where no thread can be started, the others do all the work.
+        // If a thread cannot be started, the other threads do its work.
         let start = |_| thread::Builder::new().spawn_scoped(scope, work).ok();
         let started: Vec<_> = (0..helpers.0).map_while(start).collect();
         let result = own();

@@ -5,11 +5,12 @@ use std::sync::atomic::Ordering::Relaxed;
 
 use anyhit_engine::machine::image::{Image, ImageState};
 use anyhit_engine::machine::{Buffer, Descriptor, Resources};
+use anyhit_engine::pipeline::WrittenMemory;
 use anyhit_engine::program::Program;
 
 /// The buffers and images that an invocation can change.
 #[derive(Clone, Debug, Default)]
-pub(super) struct ChangingMemory {
+pub struct ChangingMemory {
     buffers: Vec<Arc<Buffer>>,
     images: Vec<Arc<Image>>,
 }
@@ -17,29 +18,38 @@ pub(super) struct ChangingMemory {
 /// What they held at one time. Those that have not changed since the copy before are shared with
 /// it.
 #[derive(Clone, Debug, Default)]
-pub(super) struct MemoryState {
+pub struct MemoryState {
     buffers: Vec<Arc<[u32]>>,
     images: Vec<Arc<ImageState>>,
 }
 
 impl ChangingMemory {
-    /// The memory that shaders can store to; nothing where none of them stores.
-    pub(super) fn of(programs: &[Arc<Program>], resources: &Resources) -> Self {
-        let mut all = Self::default();
+    /// The memory that shaders can store to, device addresses included; nothing where none of them
+    /// stores.
+    pub fn of(programs: &[Arc<Program>], resources: &Resources) -> Self {
         if !programs.iter().any(|program| program.accesses.iter().any(|access| access.stores)) {
-            return all;
+            return Self::default();
         }
-        let descriptors = resources.descriptors.values().flatten().flat_map(Descriptor::kinds);
-        for descriptor in descriptors {
+        let mut all = Self::of_written(&WrittenMemory::everything(), resources);
+        resources.memory.named_buffers().for_each(|(_, buffer)| all.add(buffer));
+        all
+    }
+
+    /// The bound memory that is written.
+    pub fn of_written(written: &WrittenMemory, resources: &Resources) -> Self {
+        let mut all = Self::default();
+        for descriptor in resources.descriptors.values().flatten().flat_map(Descriptor::kinds) {
             match descriptor {
-                Descriptor::Buffer(buffer) => all.add(buffer),
-                Descriptor::Image(image) if !all.images.iter().any(|known| Arc::ptr_eq(known, image)) => {
+                Descriptor::Buffer(buffer) if written.contains_buffer(buffer) => all.add(buffer),
+                Descriptor::Image(image)
+                    if written.contains_image(image)
+                        && !all.images.iter().any(|known| Arc::ptr_eq(known, image)) =>
+                {
                     all.images.push(image.clone());
                 }
                 _ => {}
             }
         }
-        resources.memory.named_buffers().for_each(|(_, buffer)| all.add(buffer));
         all
     }
 
@@ -51,7 +61,7 @@ impl ChangingMemory {
     }
 
     /// A copy of what is there now.
-    pub(super) fn state(&self, before: Option<&MemoryState>) -> MemoryState {
+    pub fn state(&self, before: Option<&MemoryState>) -> MemoryState {
         let buffers = self.buffers.iter().enumerate().map(|(at, buffer)| {
             let now = || buffer.words().iter().map(|word| word.load(Relaxed));
             shared_copy(now, before.and_then(|before| before.buffers.get(at)))
@@ -64,7 +74,7 @@ impl ChangingMemory {
     }
 
     /// Puts back what was there.
-    pub(super) fn restore(&self, state: &MemoryState) {
+    pub fn restore(&self, state: &MemoryState) {
         for (buffer, words) in self.buffers.iter().zip(&state.buffers) {
             buffer.words().iter().zip(&words[..]).for_each(|(word, &value)| word.store(value, Relaxed));
         }

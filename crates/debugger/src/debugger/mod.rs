@@ -22,7 +22,7 @@ mod id_places;
 mod inspect;
 pub mod lane_state;
 mod last_write;
-mod memory_state;
+pub mod memory_state;
 mod object_state;
 mod output;
 mod place_memory;
