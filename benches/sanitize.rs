@@ -12,6 +12,7 @@ use std::time::Duration;
 
 use anyhit_cases::sanitized::run_sanitized;
 use anyhit_engine::machine::Resources;
+use anyhit_engine::pipeline::RunOptions;
 use anyhit_sanitize::rule::race;
 use anyhit_sanitize::{Level, Levels};
 use anyhit_scene::{Assembled, DiskFiles, LoadOptions, assemble, load, load_text};
@@ -69,7 +70,7 @@ fn row(path: &str, size: [u32; 2], runs: usize) {
         without_races.set(rule.id, Level::Allow).expect("a rule");
     }
     let launch = |assembled: &Assembled, resources: &Resources| {
-        assembled.run::<64>(resources, &|_| ()).expect("no trap");
+        assembled.run(resources, RunOptions::default()).expect("no trap");
     };
     let sanitize = |levels: &Levels| {
         let run = run_sanitized(&scene, &assembled, &assembled.resources, levels).expect("valid shaders");

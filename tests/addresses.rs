@@ -4,6 +4,7 @@
 use std::path::Path;
 
 use anyhit::{Error, Result};
+use anyhit_engine::pipeline::RunOptions;
 use anyhit_scene::{DiskFiles, LoadOptions, assemble, load_text};
 
 const HEAD: &str = "version = 1\nshaders.main = 'tests/addresses/nodes.spv'\n\
@@ -25,7 +26,7 @@ fn scene(text: &str) -> Result<anyhit_scene::Assembled> {
 
 fn words(text: &str) -> Result<(Vec<u32>, anyhit_scene::Assembled)> {
     let assembled = scene(text)?;
-    assembled.run::<64>(&assembled.resources, &|_| ())?;
+    assembled.run(&assembled.resources, RunOptions::default())?;
     let bytes = assembled.resources.buffer(0, 0).expect("the output").bytes();
     let words = bytes.chunks_exact(4).map(|word| u32::from_le_bytes(word.try_into().unwrap()));
     Ok((words.collect(), assembled))
@@ -176,7 +177,7 @@ fn push_constants_of_a_dispatch_and_of_a_pass_hold_addresses() {
     let assembled = scene(&case).unwrap_or_else(|error| panic!("{}", error.render()));
     // `self` is the address itself, so that nothing else names the buffer: the first by name.
     assert_eq!(assembled.resources.memory.named_buffer("info").map(|(base, _)| base), Some(0x1_0000_0000));
-    assembled.run::<64>(&assembled.resources, &|_| ()).unwrap();
+    assembled.run(&assembled.resources, RunOptions::default()).unwrap();
     let outputs = assembled.resources.buffer(0, 1).expect("the output").bytes();
     assert_eq!(outputs[20..24], 41_u32.to_le_bytes());
 }
@@ -192,7 +193,7 @@ const CONSTANT: &str = "version = 1\n[shaders.main]\npath = 'tests/addresses/con
 #[test]
 fn a_specialization_constant_is_an_address() {
     let assembled = scene(&format!("{CONSTANT}size = 12\n")).unwrap();
-    assembled.run::<64>(&assembled.resources, &|_| ()).unwrap();
+    assembled.run(&assembled.resources, RunOptions::default()).unwrap();
     let bytes = |binding| assembled.resources.buffer(0, binding).expect("a buffer").bytes();
     assert_eq!(bytes(1), 8_u32.to_le_bytes());
     // The array has 1 + 1 elements.
@@ -208,7 +209,7 @@ fn a_length_that_depends_on_an_address_lays_out_no_data() {
     let given = CONSTANT.replace("{ address_of = 'materials', offset = 4 }", "{ u64 = 0x1_0000_0004 }");
     let data = "data = { value = { found = 9, lengths = [1, 0] } }\n";
     let assembled = scene(&format!("{given}{data}")).unwrap_or_else(|error| panic!("{}", error.render()));
-    assembled.run::<64>(&assembled.resources, &|_| ()).unwrap();
+    assembled.run(&assembled.resources, RunOptions::default()).unwrap();
     let bytes = assembled.resources.buffer(0, 0).expect("a buffer").bytes();
     assert_eq!(bytes, [9_u32, 1, 2].map(u32::to_le_bytes).concat());
 }

@@ -6,7 +6,7 @@ use std::process::{Command, Stdio};
 use anyhit::{Error, ErrorKind, Module, Pipeline, Program, Scene};
 use anyhit_engine::machine::format::{Component, Format};
 use anyhit_engine::machine::image::{Image, ImageShape};
-use anyhit_engine::pipeline::{Launch, NotStreamed, Stats, StreamedImage};
+use anyhit_engine::pipeline::{Band, BatchWidth, Launch, NotStreamed, RunOptions, Stats, StreamedImage};
 use anyhit_scene::{DiskFiles, LoadOptions};
 use pretty_assertions::assert_eq;
 
@@ -42,15 +42,17 @@ fn small(format: Format) -> StreamedImage {
 }
 
 /// The bytes of all bands, and what was counted, at a width of batches.
-fn in_bands<const W: usize>(pipeline: &Pipeline, size: [u32; 2], image: &StreamedImage) -> (Vec<u8>, Stats)
-where
-    anyhit_engine::ops::lane_kernel::LaneKernel: anyhit_engine::ops::lane_kernel::Width<W>,
-{
+fn in_bands(
+    pipeline: &Pipeline,
+    size: [u32; 2],
+    image: &StreamedImage,
+    width: BatchWidth,
+) -> (Vec<u8>, Stats) {
     let scene = scene();
     let launch = Launch { pipeline, resources: scene.resources() };
     let bands = launch.bands([size[0], size[1], 1], image).expect("it can be run in bands");
     let (mut bytes, mut next) = (Vec::new(), 0);
-    let stats = bands.run::<W>(&|_| (), |band| {
+    let stats = bands.run(RunOptions::of(width), &mut |band: Band<'_>| {
         assert_eq!((band.rows().start, band.size(), band.format()), (next, size, image.format));
         assert!(!band.rows().is_empty() && band.rows().len() <= bands.max_band_rows() as usize);
         next = band.rows().end;
@@ -87,9 +89,13 @@ fn bands_have_the_bits_and_counts_of_the_whole() {
             let image = small(format);
             let (wanted, stats) = whole(&pipeline, size, &image);
             assert_eq!(wanted.len() as u32, size[0] * size[1] * format.texel_size());
-            assert_eq!(in_bands::<64>(&pipeline, size, &image), (wanted.clone(), stats), "{texels} {size:?}");
-            assert_eq!(in_bands::<128>(&pipeline, size, &image).0, wanted, "{texels} {size:?}");
-            assert_eq!(in_bands::<1>(&pipeline, size, &image).0, wanted, "{texels} {size:?}");
+            assert_eq!(
+                in_bands(&pipeline, size, &image, BatchWidth::Of64),
+                (wanted.clone(), stats),
+                "{texels} {size:?}"
+            );
+            assert_eq!(in_bands(&pipeline, size, &image, BatchWidth::Of128).0, wanted, "{texels} {size:?}");
+            assert_eq!(in_bands(&pipeline, size, &image, BatchWidth::One).0, wanted, "{texels} {size:?}");
         }
     }
 }
@@ -120,7 +126,7 @@ fn bands_begin_where_batches_do() {
 fn numbers(texels: &str, body: &str, size: [u32; 2], texel: u32) -> Vec<u32> {
     let image = StreamedImage { texel: texel.to_le_bytes().to_vec(), ..small(COUNTS) };
     let pipeline = pipeline(texels, body);
-    let (bytes, stats) = in_bands::<64>(&pipeline, size, &image);
+    let (bytes, stats) = in_bands(&pipeline, size, &image, BatchWidth::Of64);
     assert_eq!((bytes.clone(), stats), whole(&pipeline, size, &image), "{body}");
     bytemuck::cast_slice(&bytes).to_vec()
 }
@@ -250,7 +256,7 @@ fn what_reaches_other_rows_needs_the_whole() {
     assert_eq!(refused("r32uint, write", ordered, size), NotStreamed::Order);
     // All rows are one row.
     let one = pipeline("r32uint, write", "textureStore(picture, id.xx * vec2u(1u, 0u), vec4u(id.x));");
-    assert_eq!(in_bands::<64>(&one, [1, 1], &small(COUNTS)).0, [0; 4]);
+    assert_eq!(in_bands(&one, [1, 1], &small(COUNTS), BatchWidth::Of64).0, [0; 4]);
 
     let error = pipeline("r32uint, write", "textureStore(picture, id.yx, vec4u(1u));").launch_bands(
         &scene(),

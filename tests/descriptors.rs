@@ -4,6 +4,7 @@ use std::path::Path;
 
 use anyhit::{Error, Result};
 use anyhit_engine::machine::{Binding, Buffer, Descriptor};
+use anyhit_engine::pipeline::RunOptions;
 use anyhit_scene::{Assembled, DiskFiles, LoadOptions, assemble, load_text};
 
 fn scene(text: &str) -> Result<Assembled> {
@@ -252,7 +253,7 @@ fn what_nothing_is_bound_to_is_told_when_it_is_read_and_when_it_is_accessed() {
         assert!(note.contains(words), "no `{words}` in {note}");
     }
     assert!(!note.contains("unused"), "no entry point uses it: {note}");
-    let error = assembled.run::<64>(&assembled.resources, &|_| ()).unwrap_err().render();
+    let error = assembled.run(&assembled.resources, RunOptions::default()).unwrap_err().render();
     for words in [
         "no descriptor of this kind is bound here",
         "bound: set 0, binding 1 (`Outputs`, a buffer, the scene's `results`)",
@@ -265,7 +266,7 @@ fn what_nothing_is_bound_to_is_told_when_it_is_read_and_when_it_is_accessed() {
     let zeros = STAND_INS.replacen("[[dispatch]]", "[pipeline]\nunbound = 'zeros'\n[[dispatch]]", 1);
     let assembled = scene(&zeros).unwrap();
     assert_eq!(assembled.notes, [""; 0]);
-    assembled.run::<64>(&assembled.resources, &|_| ()).unwrap();
+    assembled.run(&assembled.resources, RunOptions::default()).unwrap();
     one_mistake(
         &zeros.replace("zeros", "ones"),
         "s.toml:4:11",

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use anyhit_engine::machine::{Binding, Buffer, Descriptor, Resources};
 use anyhit_engine::module;
-use anyhit_engine::pipeline::Compute;
+use anyhit_engine::pipeline::{Compute, RunOptions};
 use anyhit_engine::program::Program;
 
 use crate::support::assembly::assemble;
@@ -265,7 +265,8 @@ fn a_loop_tells_no_numbers_of_other_values() {
     let mut resources = Resources::default();
     resources.descriptors.insert(Binding { set: 0, binding: 0 }, vec![Descriptor::Buffer(Buffer::zeroed(4))]);
     let compute = Compute::new(program).expect("a compute shader").fuel(100_000);
-    let error = compute.run::<64>(&resources, [1; 3], &|_| ()).expect_err("a loop without an end").render();
+    let error =
+        compute.run(&resources, [1; 3], RunOptions::default()).expect_err("a loop without an end").render();
     let range = |name: &str| -> Option<[u32; 2]> {
         let (_, told) = error.split_once(&format!("`{name}` changed from "))?;
         let (from, told) = told.split_once(" to ")?;

@@ -15,7 +15,7 @@ use anyhit_base::input::{InputLimit, InputLimits};
 use anyhit_cases::smoke::{SmokeOptions, SmokeReport, SmokeVerdict};
 use anyhit_engine::machine::{Binding, Buffer, Descriptor, Resources};
 use anyhit_engine::module;
-use anyhit_engine::pipeline::Compute;
+use anyhit_engine::pipeline::{Compute, RunOptions};
 use anyhit_engine::program::{LowerOptions, Program, lower_with};
 
 use crate::support::assembly::assemble;
@@ -124,7 +124,7 @@ fn first_word(bytes: &[u8]) -> Result<u32> {
     let out = Buffer::zeroed(64);
     let mut resources = Resources::default();
     resources.descriptors.insert(Binding { set: 0, binding: 0 }, vec![Descriptor::Buffer(out.clone())]);
-    Compute::new(Arc::new(program))?.run::<64>(&resources, [1, 1, 1], &|_| ())?;
+    Compute::new(Arc::new(program))?.run(&resources, [1, 1, 1], RunOptions::default())?;
     Ok(out.load(0, 32).expect("a word"))
 }
 

@@ -8,7 +8,7 @@ use anyhit::{
 };
 use anyhit_engine::accel::RayFlags;
 use anyhit_engine::machine::{Invocation, Resources, ShaderIndex};
-use anyhit_engine::pipeline::{Compute, Group, HitGroup, Launch, SbtRecord};
+use anyhit_engine::pipeline::{BatchWidth, Compute, Group, HitGroup, Launch, RunOptions, SbtRecord};
 
 fn module(name: &str) -> std::sync::Arc<Module> {
     Module::open(format!("spirv-fixtures/{name}")).expect("a fixture")
@@ -161,14 +161,14 @@ fn shaders_that_do_not_run_by_themselves() {
     let (pipeline, resources) = (builder.build().unwrap(), Resources::default());
     let launch = Launch { pipeline: &pipeline, resources: &resources };
     let invoke = |shader: ShaderIndex| {
-        let ended = launch.invoke::<1>(shader, Invocation::default(), &[], &[], None, None);
+        let ended = launch.invoke(shader, Invocation::default(), &[], &[], None, None);
         ended.map(|ended| ended.is_ok())
     };
     invalid(invoke(shaders[0]), "is IntersectionKHR, which cannot run alone");
     invalid(invoke(shaders[1]), "is GLCompute, which cannot run alone");
     invalid(invoke(ShaderIndex(3)), "no shader 3");
     // More words than the payload has are left over.
-    let ended = launch.invoke::<1>(shaders[2], Invocation::default(), &[0; 99], &[0; 99], None, None);
+    let ended = launch.invoke(shaders[2], Invocation::default(), &[0; 99], &[0; 99], None, None);
     assert!(ended.is_ok());
 }
 
@@ -185,7 +185,7 @@ fn launches_that_are_too_large_or_nothing() {
     invalid(one([4, 0, 0], [4, 1, 1]), "invocation 4,0,0 is outside the launch of 4 x 1 x 1");
     invalid(one([0, 0, 0], [0, 1, 1]), "outside the launch");
     invalid(one([0, 0, 0], [u32::MAX; 3]), "maxRayDispatchInvocationCount");
-    let single = launch.run_single_threaded::<1>([u32::MAX; 3], None, None);
+    let single = launch.run_single_threaded([u32::MAX; 3], None, None);
     invalid(single.map(|_| ()), "maxRayDispatchInvocationCount");
     refused(
         Pipeline::builder().build().unwrap().launch(&scene, [1, 1, 1]),
@@ -195,7 +195,10 @@ fn launches_that_are_too_large_or_nothing() {
 
     let compute = Compute::new(program(COMPUTE)).unwrap();
     let resources = Resources::default();
-    invalid(compute.run_to_trap::<1>(&resources, [u32::MAX; 3], &|_| ()).map(|_| ()), "2^40 in total");
+    invalid(
+        compute.run_to_trap(&resources, [u32::MAX; 3], RunOptions::of(BatchWidth::One)).map(|_| ()),
+        "2^40 in total",
+    );
     let test = ComputeTest::new(&module(COMPUTE), "main").unwrap();
     invalid(test.clone().workgroups([u32::MAX; 3]).run(), "2^40 in total");
     assert!(test.workgroups([0, 1, 1]).run().is_ok());

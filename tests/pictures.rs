@@ -3,21 +3,18 @@
 use std::path::Path;
 
 use anyhit_engine::machine::image::Image;
-use anyhit_engine::ops::lane_kernel::{LaneKernel, Width};
+use anyhit_engine::pipeline::{BatchWidth, RunOptions};
 use anyhit_scene::{DiskFiles, LoadOptions};
 
 /// The picture of a scene as 8-bit channels, as they are saved.
-fn picture<const W: usize>(name: &str) -> Vec<[u8; 3]>
-where
-    LaneKernel: Width<W>,
-{
+fn picture(name: &str, width: BatchWidth) -> Vec<[u8; 3]> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(name);
     let options = LoadOptions { size: Some([192, 108]), ..LoadOptions::default() };
     let resolved = anyhit_scene::load(&path, &DiskFiles, &options).expect("a valid scene");
     let output = resolved.output().expect("an output image");
     let (set, binding) = (output.set, output.binding);
     let assembled = anyhit_scene::assemble(&resolved).expect("supported shaders");
-    assembled.launch().run::<W>(assembled.size, &|_| ()).expect("no trap");
+    assembled.launch().run(assembled.size, RunOptions::of(width)).expect("no trap");
     let image: &Image = assembled.resources.image(set, binding).expect("the output is bound");
     let bytes = image.level_bytes(0);
     let texels = bytes.chunks_exact(16).map(|texel| {
@@ -31,8 +28,8 @@ where
 
 #[test]
 fn glsl_and_slang_draw_the_same_picture() {
-    let glsl = picture::<64>("swept-spheres.toml");
-    let slang = picture::<64>("swept-spheres-slang.toml");
+    let glsl = picture("swept-spheres.toml", BatchWidth::Of64);
+    let slang = picture("swept-spheres-slang.toml", BatchWidth::Of64);
     // Not a flat picture: sky, grass, spheres and ground differ.
     let mut colours = glsl.clone();
     colours.sort_unstable();
@@ -47,6 +44,11 @@ fn glsl_and_slang_draw_the_same_picture() {
 
 #[test]
 fn one_lane_draws_the_same_bits() {
-    assert!(picture::<1>("swept-spheres.toml") == picture::<64>("swept-spheres.toml"));
-    assert!(picture::<1>("swept-spheres-slang.toml") == picture::<64>("swept-spheres-slang.toml"));
+    assert!(
+        picture("swept-spheres.toml", BatchWidth::One) == picture("swept-spheres.toml", BatchWidth::Of64)
+    );
+    assert!(
+        picture("swept-spheres-slang.toml", BatchWidth::One)
+            == picture("swept-spheres-slang.toml", BatchWidth::Of64)
+    );
 }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use anyhit_engine::accel::{Blas, Geometry, GeometryData, GeometryFlags, Tlas, TlasInstance};
 use anyhit_engine::machine::{Buffer, Descriptor, Resources};
-use anyhit_engine::pipeline::{Launch, Pipeline};
+use anyhit_engine::pipeline::{BatchWidth, Launch, Pipeline, RunOptions};
 use anyhit_engine::program::Program;
 
 const IDENTITY: [[f32; 4]; 3] = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
@@ -20,10 +20,7 @@ fn program(name: &str) -> Program {
 }
 
 /// Runs the case over a square of `size` rays and gives the words of its output.
-fn outputs<const W: usize>(size: u32) -> Vec<f32>
-where
-    anyhit_engine::ops::lane_kernel::LaneKernel: anyhit_engine::ops::lane_kernel::Width<W>,
-{
+fn outputs(size: u32, width: BatchWidth) -> Vec<f32> {
     let data = GeometryData::Spheres { positions: vec![[0.0; 3]], radii: vec![0.5], indices: None };
     let blas = Blas::new(vec![Geometry::new(data, GeometryFlags::OPAQUE)]).expect("a valid geometry");
     let tlas = Tlas::new(vec![TlasInstance::of(blas, IDENTITY)]).expect("a valid instance");
@@ -39,7 +36,7 @@ where
         Descriptor::Buffer(buffer.clone()),
     );
     let launch = Launch { pipeline: &pipeline, resources: &resources };
-    let stats = launch.run::<W>([size, size, 1], &|_| ()).expect("no trap");
+    let stats = launch.run([size, size, 1], RunOptions::of(width)).expect("no trap");
     assert_eq!(stats.rays, u64::from(size * size));
     bytemuck::pod_collect_to_vec(&buffer.bytes())
 }
@@ -48,7 +45,7 @@ where
 fn a_sphere_is_hit_where_it_stands() {
     // Four rays a side from (x, y, 4) along -z with x and y in {-0.75, -0.25, 0.25, 0.75}; the
     // sphere of radius 1/2 meets those with |x| = |y| = 1/4: z^2 = 1/4 - 1/8 = 1/8, t = 4 - z.
-    let values = outputs::<64>(4);
+    let values = outputs(4, BatchWidth::Of64);
     for y in 0..4 {
         for x in 0..4 {
             let at = (y * 4 + x) * 8;
@@ -73,7 +70,7 @@ fn a_sphere_is_hit_where_it_stands() {
 #[test]
 fn one_lane_and_many_agree_bit_for_bit() {
     let bits = |values: Vec<f32>| values.into_iter().map(f32::to_bits).collect::<Vec<_>>();
-    let many = bits(outputs::<64>(65));
-    assert_eq!(bits(outputs::<1>(65)), many);
-    assert_eq!(bits(outputs::<128>(65)), many);
+    let many = bits(outputs(65, BatchWidth::Of64));
+    assert_eq!(bits(outputs(65, BatchWidth::One)), many);
+    assert_eq!(bits(outputs(65, BatchWidth::Of128)), many);
 }

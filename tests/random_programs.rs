@@ -15,7 +15,7 @@ mod program;
 use std::sync::Arc;
 
 use anyhit_engine::machine::{Buffer, Descriptor, Resources};
-use anyhit_engine::pipeline::Compute;
+use anyhit_engine::pipeline::{BatchWidth, Compute, RunOptions};
 use proptest::test_runner::{Config, RngAlgorithm, TestCaseError, TestError, TestRng, TestRunner};
 
 use crate::support::assembly;
@@ -60,9 +60,9 @@ fn interpret(text: &str, inputs: &[u32]) -> Result<Vec<u32>, String> {
         );
         let groups = [GROUPS, 1, 1];
         let result = match lanes {
-            1 => compute.run::<1>(&resources, groups, &|_| ()),
-            128 => compute.run::<128>(&resources, groups, &|_| ()),
-            _ => compute.run::<64>(&resources, groups, &|_| ()),
+            1 => compute.run(&resources, groups, RunOptions::of(BatchWidth::One)),
+            128 => compute.run(&resources, groups, RunOptions::of(BatchWidth::Of128)),
+            _ => compute.run(&resources, groups, RunOptions::default()),
         };
         result.map_err(told)?;
         Ok::<_, String>(bytemuck::pod_collect_to_vec::<u8, u32>(&out.bytes()))

@@ -4,6 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use anyhit_engine::machine::Descriptor;
+use anyhit_engine::pipeline::RunOptions;
 use anyhit_engine::program::{Inlining, LowerOptions, Terminator, lower_with};
 use anyhit_scene::{Assembled, DiskFiles, LoadOptions};
 
@@ -11,7 +12,7 @@ use crate::support::files;
 
 /// The bytes of all buffers after a launch; a trap's words where it ends in one.
 fn run(assembled: &Assembled) -> (Option<String>, Vec<Vec<u8>>) {
-    let trap = assembled.launch().run::<64>(assembled.size, &|_| ()).err();
+    let trap = assembled.launch().run(assembled.size, RunOptions::default()).err();
     let descriptors = assembled.resources.descriptors.values().flatten();
     let buffers = descriptors.filter_map(|descriptor| match descriptor {
         Descriptor::Buffer(buffer) => Some(buffer.bytes()),

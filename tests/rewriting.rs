@@ -19,6 +19,7 @@ use anyhit_base::error::Place;
 use anyhit_cases::case::{Case, Loaded};
 use anyhit_cases::expect::Observed;
 use anyhit_cases::run::{RayMeasurements, run, run_ray};
+use anyhit_engine::pipeline::BatchWidth;
 use anyhit_scene::resolved::ShaderCode;
 use rayon::prelude::*;
 use rspirv::spirv::Op;
@@ -91,7 +92,7 @@ struct Subject {
 impl Subject {
     fn of(case: &Case) -> Self {
         let loaded = case.load().unwrap_or_else(|error| panic!("{}", error.render()));
-        let observed = run::<64>(&loaded.scene, &loaded.assembled);
+        let observed = run(&loaded.scene, &loaded.assembled, BatchWidth::default());
         let expected = seen(&loaded, &observed);
         Self { loaded, expected }
     }

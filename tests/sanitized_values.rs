@@ -8,7 +8,7 @@ use anyhit_engine::machine::image::{Dimension, Image, ImageShape};
 use anyhit_engine::machine::sampler::Sampler;
 use anyhit_engine::machine::{Buffer, Descriptor, Resources};
 use anyhit_engine::module::{self, Module};
-use anyhit_engine::pipeline::{Compute, Launch};
+use anyhit_engine::pipeline::{Compute, Launch, RunOptions};
 use anyhit_engine::program::lower;
 use anyhit_sanitize::{Findings, Levels, ProgramPlan, Sanitizer};
 
@@ -401,7 +401,7 @@ fn outside_an_image_the_run_goes_on() {
         .bind(0, 0, Descriptor::Buffer(results.clone()))
         .bind(0, 1, Descriptor::Image(plane.clone()))
         .bind(0, 2, Descriptor::Image(counts.clone()));
-    compute.run::<64>(&resources, [1; 3], &|_| ()).expect("a run");
+    compute.run(&resources, [1; 3], RunOptions::default()).expect("a run");
     let texels = |image: &Image| -> Vec<u32> { bytemuck::pod_collect_to_vec(&image.bytes()) };
     let [one, two] = [1f32.to_bits(), 2f32.to_bits()];
     assert_eq!(texels(&plane), [0, 0, 0, 0, 0, 0, one, two]);

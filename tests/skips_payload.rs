@@ -7,7 +7,7 @@ use anyhit::Result;
 use anyhit_engine::accel::{Blas, Geometry, GeometryData, GeometryFlags, Tlas, TlasInstance};
 use anyhit_engine::machine::{Buffer, Descriptor, OpIndex, Resources};
 use anyhit_engine::module::interface::Stage;
-use anyhit_engine::pipeline::{Event, Launch, Pipeline, Stats};
+use anyhit_engine::pipeline::{Event, Launch, Pipeline, RunOptions, Stats};
 use anyhit_engine::program::Program;
 
 use crate::support::assembly;
@@ -118,7 +118,7 @@ fn launch(ray_generation: Program, called: Program, radius: f32, watched: bool) 
     );
     let launch = Launch { pipeline: &pipeline, resources: &resources };
     let stats = match watched {
-        false => launch.run::<64>([3, 1, 1], &|_| ())?,
+        false => launch.run([3, 1, 1], RunOptions::default())?,
         true => launch.run_observed([3, 1, 1], &mut |_: Event| (), &mut ())?,
     };
     Ok((stats, [buffer.load(0, 32).unwrap_or(0), buffer.load(4, 32).unwrap_or(0)]))

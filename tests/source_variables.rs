@@ -122,7 +122,7 @@ impl Stopped {
     /// Runs on until an operation of the marked line comes.
     fn run_to(mut self, source: &str, mark: &str) -> Self {
         let mut pause = PauseAt { program: &self.program, line: line_of(source, mark) };
-        let stop = interp::run(&mut self.batch, &self.program, &self.bindings, &mut pause);
+        let stop = interp::run_lane(&mut self.batch, &self.program, &self.bindings, Some(&mut pause));
         assert!(matches!(stop, Stop::Paused), "{stop:?}");
         self
     }
@@ -264,7 +264,7 @@ fn glsl_names_are_read_without_lines() {
         }
     }
     let mut pause = PauseAtOp(lines.batch.op);
-    interp::run(&mut stopped.batch, &stopped.program, &stopped.bindings, &mut pause);
+    interp::run_lane(&mut stopped.batch, &stopped.program, &stopped.bindings, Some(&mut pause));
     stopped.assert_all(AT_D);
 }
 

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 use anyhit::{ComputeTest, Error, Hit, Module, Ray, ShaderTest, StructData};
+use anyhit_engine::pipeline::{BatchWidth, RunOptions};
 use anyhit_scene::{Assembled, EmbeddedFiles, LoadOptions, assemble, load};
 use pretty_assertions::assert_eq;
 
@@ -410,7 +411,7 @@ fn specialization_constants_have_names() {
         let files = [("s.toml", text.as_bytes()), ("rgen.spv", &module)];
         let loaded = load(Path::new("s.toml"), &EmbeddedFiles(&files), &LoadOptions::default())?;
         let assembled = assemble(&loaded)?;
-        assembled.run::<1>(&assembled.resources, &|_| ())?;
+        assembled.run(&assembled.resources, RunOptions::of(BatchWidth::One))?;
         Ok::<_, Error>(assembled.resources.buffer(0, 1).expect("a buffer").bytes()[0])
     };
     assert_eq!(stored("").unwrap(), 4);

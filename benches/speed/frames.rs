@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use anyhit_engine::accel::{GeometryFlags, Tlas};
 use anyhit_engine::machine::{Buffer, Descriptor, Resources};
-use anyhit_engine::pipeline::{Compute, Launch, Pipeline, Stats};
+use anyhit_engine::pipeline::{Compute, Launch, Pipeline, RunOptions, Stats};
 use anyhit_engine::program::Program;
 
 use crate::scenes::{self, Scene};
@@ -96,7 +96,8 @@ pub fn run(table: &mut Table) {
         let (resources, outputs) = resources(&scene, tlas, size);
         let launch = Launch { pipeline: &pipeline, resources: &resources };
         table.rate(name, "pixels", pixels, || {
-            let stats = one.install(|| launch.run::<64>([size[0], size[1], 1], &|_| ()).expect("no trap"));
+            let stats =
+                one.install(|| launch.run([size[0], size[1], 1], RunOptions::default()).expect("no trap"));
             describe(&stats)
         });
         table.hits(hits(&outputs));
@@ -141,7 +142,7 @@ pub fn run(table: &mut Table) {
         let (resources, outputs) = resources(&scene, tlas, size);
         let groups = [size[0] / width, size[1] / height, 1];
         table.rate("frame ray query", "pixels", pixels, || {
-            one.install(|| compute.run::<64>(&resources, groups, &|_| ()).expect("no trap"));
+            one.install(|| compute.run(&resources, groups, RunOptions::default()).expect("no trap"));
             String::new()
         });
         table.hits(hits(&outputs));
@@ -153,7 +154,7 @@ pub fn run(table: &mut Table) {
             let pipeline = pipeline(PRIMARY);
             let (resources, _) = resources(&scene, tlas.clone(), [8, 8]);
             let launch = Launch { pipeline: &pipeline, resources: &resources };
-            one.install(|| describe(&launch.run::<64>([8, 8, 1], &|_| ()).expect("no trap")))
+            one.install(|| describe(&launch.run([8, 8, 1], RunOptions::default()).expect("no trap")))
         });
     }
 }

@@ -9,7 +9,7 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use anyhit_engine::machine::Resources;
-use anyhit_engine::pipeline::{Launch, Pipeline};
+use anyhit_engine::pipeline::{Launch, Pipeline, RunOptions};
 
 use crate::table::Table;
 use crate::{clock, frames};
@@ -63,7 +63,7 @@ impl Picture {
         let [width, height] = self.size;
         let (start, cpu, mut pixels) = (Instant::now(), clock::process(), 0);
         while pixels == 0 || start.elapsed() < time {
-            pool.install(|| launch.run::<64>([width, height, 1], &|_| ()).expect("no trap"));
+            pool.install(|| launch.run([width, height, 1], RunOptions::default()).expect("no trap"));
             pixels += width * height;
         }
         let rate = |time: Duration| f64::from(pixels) / time.as_secs_f64() / 1e6;

@@ -16,7 +16,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use anyhit_engine::machine::{Buffer, Descriptor, Resources};
-use anyhit_engine::pipeline::Compute;
+use anyhit_engine::pipeline::{BatchWidth, Compute, RunOptions};
 use anyhit_judges::{Recipe, optimise, words};
 use rspirv::dr::{Module, Operand};
 use rspirv::spirv::Op;
@@ -583,9 +583,9 @@ fn ours(snippet: &Snippet, inputs: &[Vec<u64>], code: &[u8]) -> Vec<u64> {
         }
         let done = &|_| ();
         let result = match lanes {
-            1 => compute.run::<1>(&resources, [1, 1, 1], done),
-            128 => compute.run::<128>(&resources, [1, 1, 1], done),
-            _ => compute.run::<64>(&resources, [1, 1, 1], done),
+            1 => compute.run(&resources, [1, 1, 1], RunOptions::of(BatchWidth::One).on_progress(done)),
+            128 => compute.run(&resources, [1, 1, 1], RunOptions::of(BatchWidth::Of128).on_progress(done)),
+            _ => compute.run(&resources, [1, 1, 1], RunOptions::default().on_progress(done)),
         };
         result.unwrap_or_else(|error| panic!("{}: {}", snippet.name, error.render()));
         out.bytes()

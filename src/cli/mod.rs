@@ -44,12 +44,13 @@ mod verify;
 use std::ffi::OsString;
 use std::process::ExitCode;
 
-use clap::builder::{PossibleValue, PossibleValuesParser};
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::error::{ContextKind, ContextValue};
 use clap::{CommandFactory, Parser};
 
 use anyhit_base::error::Result;
 use anyhit_base::escape;
+use anyhit_engine::pipeline::BatchWidth;
 
 /// Generates the enum of commands and its dispatch from one line for each command: the file, the
 /// variant, the arguments.
@@ -109,10 +110,9 @@ struct CommandLine {
     command: Command,
 }
 
-/// The possible numbers of lanes of a batch. 8 is accepted as an alias of 64, because older
-/// versions had it; results do not depend on the number.
-fn batch_widths() -> PossibleValuesParser {
-    [PossibleValue::new("1"), PossibleValue::new("64").alias("8"), PossibleValue::new("128")].into()
+/// The possible numbers of lanes of a batch; results do not depend on the number.
+fn batch_widths() -> impl TypedValueParser<Value = BatchWidth> {
+    PossibleValuesParser::new(["1", "64", "128"]).try_map(|text| text.parse::<BatchWidth>())
 }
 
 /// Parses the command line, runs the command and reports its error on standard error.

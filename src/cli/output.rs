@@ -126,11 +126,6 @@ pub(super) fn warnings(warnings: &[Warning]) {
     warnings.iter().for_each(|warning| hint(format_args!("warning: {warning}")));
 }
 
-/// Notes that the user gave a flag by its old name, which is still accepted.
-pub(super) fn renamed_flag(old: &str, new: &str) {
-    hint(format_args!("note: `{old}` is now called `{new}`; the old name still works"));
-}
-
 /// The file that a picture is written to. Its extension says as what; another one than those that
 /// are known is refused, and `.exr` where this build cannot write it.
 ///

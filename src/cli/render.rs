@@ -26,7 +26,7 @@ use anyhit_debugger::shell;
 use anyhit_engine::geometry::Precision;
 use anyhit_engine::machine::LaunchLimits;
 use anyhit_engine::machine::image::ImageShape;
-use anyhit_engine::pipeline::{Band, BandedLaunch, Stats, StreamedImage};
+use anyhit_engine::pipeline::{BandedLaunch, BatchWidth, RunOptions, Stats, StreamedImage};
 use anyhit_scene::image::{PictureKind, stream_png, write_picture};
 use anyhit_scene::image_entry::ImageContent;
 use anyhit_scene::resources::Resource;
@@ -58,7 +58,7 @@ pub(super) struct RenderArgs {
 
     /// Number of lanes in a batch; the picture does not depend on it
     #[arg(long, value_name = "N", default_value = "64", value_parser = super::batch_widths())]
-    lanes: String,
+    lanes: BatchWidth,
 
     /// Precision of intersections, instead of the scene's own; only `exact` is correct for every
     /// ray
@@ -151,8 +151,8 @@ pub(super) fn run(args: RenderArgs) -> Result<()> {
             keep_alpha: encoding.keep_alpha,
         };
         let bar = progress_bar(u64::from(width) * u64::from(height) / args.share.shard_or_whole().of as u64);
-        let shared = PictureShare { share: &args.share, whole, bands, lanes: &args.lanes };
-        let outcome = shared.run(&|count| bar.inc(count));
+        let shared = PictureShare { share: &args.share, whole, bands };
+        let outcome = shared.run(RunOptions::of(args.lanes).on_progress(&|count| bar.inc(count)));
         bar.finish_and_clear();
         output::printed(&printed)?;
         return outcome;
@@ -182,29 +182,17 @@ pub(super) fn run(args: RenderArgs) -> Result<()> {
     let launched = Instant::now();
     let launch = assembled.launch();
     let on_progress = |count| bar.inc(count);
+    let options = RunOptions::of(args.lanes).on_progress(&on_progress);
     let sanitized = match args.sanitize.is_requested() {
         true => Some(args.sanitize.run(&resolved, &assembled, &assembled.resources)?),
         false => None,
     };
     let outcome = match &bands {
         _ if sanitized.is_some() => Ok(Stats::default()),
-        None if !is_single_launch => match args.lanes.as_str() {
-            "1" => assembled.run::<1>(&assembled.resources, &on_progress),
-            "128" => assembled.run::<128>(&assembled.resources, &on_progress),
-            _ => assembled.run::<64>(&assembled.resources, &on_progress),
-        },
-        None => match args.lanes.as_str() {
-            "1" => launch.run::<1>(size, &on_progress),
-            "128" => launch.run::<128>(size, &on_progress),
-            _ => launch.run::<64>(size, &on_progress),
-        },
+        None if !is_single_launch => assembled.run(&assembled.resources, options),
+        None => launch.run(size, options),
         Some(bands) => stream_png(&file, [size[0], size[1]], image.format, encoding, |png| {
-            let mut write_band = |band: Band<'_>| png.rows(band.rows(), |row| band.row_bytes(row));
-            match args.lanes.as_str() {
-                "1" => bands.run::<1>(&on_progress, &mut write_band),
-                "128" => bands.run::<128>(&on_progress, &mut write_band),
-                _ => bands.run::<64>(&on_progress, &mut write_band),
-            }
+            bands.run(options, &mut |band| png.rows(band.rows(), |row| band.row_bytes(row)))
         }),
     };
     bar.finish_and_clear();

@@ -20,6 +20,7 @@ use anyhit_base::error::Result;
 use anyhit_base::input::{InputLimit, is_stream, read_argument};
 use anyhit_engine::geometry::Precision;
 use anyhit_engine::machine::{LaunchLimits, MemoryPolicy};
+use anyhit_engine::pipeline::{BatchWidth, RunOptions};
 use anyhit_scene::image::{PictureKind, PixelEncoding, write_picture};
 use anyhit_scene::{LoadOptions, ResolvedScene};
 
@@ -55,7 +56,7 @@ pub(super) struct RunArgs {
     precision: Option<Precision>,
     /// Number of lanes in a batch; results do not depend on it
     #[arg(long, value_name = "N", default_value = "64", value_parser = super::batch_widths())]
-    lanes: String,
+    lanes: BatchWidth,
     /// Print statistics: invocations, batches, occupancy, time, elided work
     #[arg(long)]
     stats: bool,
@@ -152,16 +153,13 @@ fn run_scene(args: &RunArgs, mut scene: ResolvedScene, is_scene: bool, begin: In
     let load_time = begin.elapsed();
     let drawn = args.many_seeds.run(&args.sanitize, &args.stability, &scene, &assembled, repeated(args))?;
     let launched = Instant::now();
-    let on_progress = |_| ();
     let sanitized = match args.sanitize.is_requested() {
         true => Some(args.sanitize.run(&scene, &assembled, &assembled.resources)?),
         false => None,
     };
-    let (found, outcome) = match (sanitized, args.lanes.as_str()) {
-        (Some(run), _) => (Some(run.findings), run.outcome),
-        (None, "1") => (None, assembled.run::<1>(&assembled.resources, &on_progress)),
-        (None, "128") => (None, assembled.run::<128>(&assembled.resources, &on_progress)),
-        (None, _) => (None, assembled.run::<64>(&assembled.resources, &on_progress)),
+    let (found, outcome) = match sanitized {
+        Some(run) => (Some(run.findings), run.outcome),
+        None => (None, assembled.run(&assembled.resources, RunOptions::of(args.lanes))),
     };
     let launch_time = launched.elapsed();
     let has_output = args.stats || !shown.is_empty() || !saved.is_empty();

@@ -51,9 +51,6 @@ pub(super) struct SmokeArgs {
     /// Maximum number of instructions per invocation, checked at back edges, calls and stops
     #[arg(long, value_name = "N", default_value_t = SmokeOptions::default().fuel, value_parser = numbers::from_one)]
     fuel: u64,
-    /// The old name of `--fuel`.
-    #[arg(long, value_name = "N", hide = true, conflicts_with = "fuel", value_parser = numbers::from_one)]
-    budget: Option<u64>,
     /// Operations, counted once per batch, that all runs of an entry point may execute before no
     /// further set of values is generated
     #[arg(long, value_name = "N", default_value_t = SmokeOptions::default().total_fuel, value_parser = numbers::from_one)]
@@ -96,13 +93,10 @@ fn percent(text: &str) -> std::result::Result<f64, String> {
 /// traps; `UnsupportedModule` or `InvalidModule` where one does not run; `Finding` where the
 /// sanitizer denies what is in the module. Of several modules the worst.
 pub(super) fn run(args: SmokeArgs) -> Result<()> {
-    if args.budget.is_some() {
-        output::renamed_flag("--budget", "--fuel");
-    }
     output::claim_stdout_for([args.sarif.as_deref()]);
     let options = SmokeOptions {
         seed: args.seed,
-        fuel: args.budget.unwrap_or(args.fuel),
+        fuel: args.fuel,
         total_fuel: args.total_fuel,
         launch_limits: args.launch_limits.limits(LaunchLimits::SMOKE),
         time_limit: args.seconds,

@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use anyhit::Scene;
 use anyhit::{Module, Program};
 use anyhit_engine::machine::{Buffer, Descriptor, ShaderIndex};
-use anyhit_engine::pipeline::{Group, HitGroup, Launch, Pipeline, PipelineFlags, SbtRecord};
+use anyhit_engine::pipeline::{Group, HitGroup, Launch, Pipeline, PipelineFlags, RunOptions, SbtRecord};
 use anyhit_unit_test::scene::Instance;
 use bytemuck::{Pod, Zeroable};
 
@@ -189,7 +189,7 @@ impl Rig {
             .descriptor(0, 1, Descriptor::Buffer(outputs.clone()))
             .buffer(0, 2, shots);
         let launch = Launch { pipeline: &pipeline, resources: scene.resources() };
-        launch.run::<64>(size, &|_| ())?;
+        launch.run(size, RunOptions::default())?;
         Ok(bytemuck::pod_collect_to_vec(&outputs.bytes()))
     }
 

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use anyhit_base::error::ErrorKind;
 use anyhit_engine::machine::{Buffer, Descriptor, Resources};
-use anyhit_engine::pipeline::{Launch, Pipeline};
+use anyhit_engine::pipeline::{BatchWidth, Launch, Pipeline, RunOptions};
 use anyhit_engine::program::{Inlining, LowerOptions};
 
 use crate::instructions::run::{INVOCATIONS, Shader, run_lanes};
@@ -197,9 +197,9 @@ fn threads_change_nothing() {
             let resources = resources.bind(0, 0, Descriptor::Buffer(Buffer::zeroed(4)));
             let launch = Launch { pipeline: &pipeline, resources: &resources };
             let ran = threads.install(|| match lanes {
-                1 => launch.run::<1>(SIZE, &|_| ()),
-                128 => launch.run::<128>(SIZE, &|_| ()),
-                _ => launch.run::<64>(SIZE, &|_| ()),
+                1 => launch.run(SIZE, RunOptions::of(BatchWidth::One)),
+                128 => launch.run(SIZE, RunOptions::of(BatchWidth::Of128)),
+                _ => launch.run(SIZE, RunOptions::default()),
             });
             ran.unwrap_or_else(|error| panic!("{}", error.render()));
             counters.bytes()

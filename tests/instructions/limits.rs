@@ -10,7 +10,9 @@ use anyhit_engine::accel::{
     Blas, Geometry, GeometryData, GeometryFlags, RayFlags, Tlas, TlasInstance, TraceRay,
 };
 use anyhit_engine::machine::{Buffer, Descriptor, LaunchLimits, Printed, PrintedBytes, Resources, TrapCode};
-use anyhit_engine::pipeline::{Compute, GREATEST_CALLABLE_DEPTH, Launch, Pipeline, RayOperands};
+use anyhit_engine::pipeline::{
+    BatchWidth, Compute, GREATEST_CALLABLE_DEPTH, Launch, Pipeline, RayOperands, RunOptions,
+};
 
 use crate::instructions::run::{Shader, run_lanes};
 use crate::instructions::workgroup::Workgroup;
@@ -165,8 +167,8 @@ fn the_first_invocation_without_fuel_stops_those_behind_it() {
     let pipeline = pipeline(&shader, Some(1 << 20), LaunchLimits::default());
     let (_, resources) = output(64 * 256 * 16);
     let launch = Launch { pipeline: &pipeline, resources: &resources };
-    let one = stopped(|| launch.run::<1>([64, 256, 1], &|_| ()));
-    let many = stopped(|| launch.run::<64>([64, 256, 1], &|_| ()));
+    let one = stopped(|| launch.run([64, 256, 1], RunOptions::of(BatchWidth::One)));
+    let many = stopped(|| launch.run([64, 256, 1], RunOptions::default()));
     assert_code(&one, TrapCode::OutOfFuel);
     assert!(one.render().contains("launch id (0, 0, 0)"), "{}", one.render());
     assert_eq!(one.render(), many.render());
@@ -177,7 +179,7 @@ fn a_launch_of_endless_invocations_ends_within_the_limits_of_tests() {
     let pipeline = pipeline(&endless(0), None, LaunchLimits::TESTS);
     let (_, resources) = output(64 * 256 * 16);
     let launch = Launch { pipeline: &pipeline, resources: &resources };
-    let error = stopped(|| launch.run::<64>([64, 256, 1], &|_| ()));
+    let error = stopped(|| launch.run([64, 256, 1], RunOptions::default()));
     assert!(is_limit(&error), "{}", error.render());
 }
 
@@ -192,7 +194,7 @@ fn the_invocation_that_is_told_depends_on_no_thread() {
         [fuel, together].map(|pipeline| {
             let (_, resources) = output(64 * 40 * 16);
             let launch = Launch { pipeline: &pipeline, resources: &resources };
-            stopped(|| pool.install(|| launch.run::<64>([64, 40, 1], &|_| ()))).render()
+            stopped(|| pool.install(|| launch.run([64, 40, 1], RunOptions::default()))).render()
         })
     });
     assert!(runs[0][0].contains("launch id (29, 0, 0)"), "{}", runs[0][0]);
@@ -223,7 +225,7 @@ fn invocations_that_end_may_still_be_too_much_together() {
         let (_, resources) = output(2560 * 16);
         let launch = Launch { pipeline: &pipeline, resources: &resources };
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
-        pool.install(|| launch.run::<64>([2560, 1, 1], &|_| ()))
+        pool.install(|| launch.run([2560, 1, 1], RunOptions::default()))
     };
     let errors = [1, 2, 4].map(|threads| stopped(|| run(200_000, threads)));
     assert_code(&errors[0], TrapCode::LaunchOutOfFuel);
@@ -363,7 +365,7 @@ fn callable_shaders_nest_as_deeply_as_is_allowed() {
         let pipeline =
             callable_pipeline(&calls_itself(1), depth, LaunchLimits::default()).expect("a pipeline");
         let launch = Launch { pipeline: &pipeline, resources: &resources };
-        let error = stopped(|| launch.run::<1>([1, 1, 1], &|_| ()));
+        let error = stopped(|| launch.run([1, 1, 1], RunOptions::of(BatchWidth::One)));
         assert_code(&error, TrapCode::CallablesTooDeep);
         let text = error.render();
         assert!(text.contains(&format!("max_callable_depth = {depth}:")), "{text}");
@@ -409,7 +411,7 @@ fn callable_shaders_hold_no_more_than_the_stack_has() {
         // Not all 1024 calls: they are 256 MiB.
         pipeline.max_callable_depth = 40;
         let launch = Launch { pipeline: &pipeline, resources: &resources };
-        let error = stopped(|| launch.run::<1>([1, 1, 1], &|_| ()));
+        let error = stopped(|| launch.run([1, 1, 1], RunOptions::of(BatchWidth::One)));
         assert_code(&error, code);
         let text = error.render();
         let told = text.contains("max_stack_size = 8388608 bytes of registers");
@@ -452,7 +454,7 @@ fn a_tree_of_callable_shaders_without_end_ends() {
     };
     let pipeline = callable_pipeline(&shader, 1024, LaunchLimits::TESTS).expect("a pipeline");
     let launch = Launch { pipeline: &pipeline, resources: &resources };
-    let error = stopped(|| launch.run::<64>([1, 1, 1], &|_| ()));
+    let error = stopped(|| launch.run([1, 1, 1], RunOptions::default()));
     assert!(is_limit(&error), "{}", error.render());
 }
 
@@ -492,8 +494,8 @@ fn a_loop_that_prints_keeps_no_more_than_is_allowed() {
         resources.printed_bytes = PrintedBytes(10_000);
         let launch = Launch { pipeline: &pipeline, resources: &resources };
         let error = match lanes {
-            1 => stopped(|| launch.run::<1>([64, 1, 1], &|_| ())),
-            _ => stopped(|| launch.run::<64>([64, 1, 1], &|_| ())),
+            1 => stopped(|| launch.run([64, 1, 1], RunOptions::of(BatchWidth::One))),
+            _ => stopped(|| launch.run([64, 1, 1], RunOptions::default())),
         };
         assert_code(&error, TrapCode::OutOfFuel);
         let mut lines: Vec<String> = printed.take().into_iter().map(|line| line.text).collect();
@@ -518,7 +520,7 @@ fn the_clock_ends_a_launch_and_a_batch() {
         let pipeline = pipeline(&endless(0), Some(u64::MAX), limits);
         let (_, resources) = output(64 * 64 * 16);
         let launch = Launch { pipeline: &pipeline, resources: &resources };
-        let error = stopped(|| launch.run::<64>([64, 64, 1], &|_| ()));
+        let error = stopped(|| launch.run([64, 64, 1], RunOptions::default()));
         assert_code(&error, code);
         let text = error.render();
         assert!(text.contains(&format!("the limit is {name} = 0.25 s")), "{text}");

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use anyhit_base::error::{ErrorKind, Result};
 use anyhit_engine::accel::Tlas;
 use anyhit_engine::machine::{Buffer, Descriptor, Resources};
-use anyhit_engine::pipeline::{Launch, Pipeline};
+use anyhit_engine::pipeline::{Launch, Pipeline, RunOptions};
 
 use crate::support::assembly::assemble;
 
@@ -89,7 +89,7 @@ fn seen(time: f32, by_location: bool) -> Result<f32> {
         .bind(0, 0, Descriptor::AccelerationStructure(Tlas::new(Vec::new())?))
         .bind(0, 1, Descriptor::Buffer(out.clone()));
     let launch = Launch { pipeline: &pipeline, resources: &resources };
-    launch.run::<64>([1; 3], &|_| ())?;
+    launch.run([1; 3], RunOptions::default())?;
     Ok(f32::from_bits(out.load(0, 32).expect("a word")))
 }
 

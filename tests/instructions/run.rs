@@ -5,8 +5,7 @@ use std::sync::Arc;
 use anyhit_base::error::{Error, Result};
 use anyhit_engine::machine::{Buffer, Descriptor, Resources};
 use anyhit_engine::module::interface::Stage;
-use anyhit_engine::ops::lane_kernel::{LaneKernel, Width};
-use anyhit_engine::pipeline::{Compute, Launch, Pipeline, Stats};
+use anyhit_engine::pipeline::{BatchWidth, Compute, Launch, Pipeline, RunOptions, Stats};
 
 use crate::support::assembly::assemble;
 
@@ -59,13 +58,13 @@ impl Shader<'_> {
         let pipeline = builder.build()?;
         let reference = pipeline.unoptimized()?;
         let count = self.invocations.unwrap_or(INVOCATIONS);
-        let one = launch::<1>(&pipeline, resources(), count);
+        let one = launch(&pipeline, resources(), count, BatchWidth::One);
         let others = [
-            ("128 lanes", launch::<128>(&pipeline, resources(), count)),
-            ("64 lanes", launch::<64>(&pipeline, resources(), count)),
-            ("1 lane without the optimizer", launch::<1>(&reference, resources(), count)),
-            ("128 lanes without the optimizer", launch::<128>(&reference, resources(), count)),
-            ("64 lanes without the optimizer", launch::<64>(&reference, resources(), count)),
+            ("128 lanes", launch(&pipeline, resources(), count, BatchWidth::Of128)),
+            ("64 lanes", launch(&pipeline, resources(), count, BatchWidth::Of64)),
+            ("1 lane without the optimizer", launch(&reference, resources(), count, BatchWidth::One)),
+            ("128 lanes without the optimizer", launch(&reference, resources(), count, BatchWidth::Of128)),
+            ("64 lanes without the optimizer", launch(&reference, resources(), count, BatchWidth::Of64)),
         ];
         for (name, other) in others {
             match (&one, &other) {
@@ -186,18 +185,16 @@ impl Shader<'_> {
     }
 }
 
-fn launch<const W: usize>(
+fn launch(
     pipeline: &Pipeline,
     resources: Resources,
     count: usize,
-) -> Result<Vec<[u32; WORDS]>>
-where
-    LaneKernel: Width<W>,
-{
+    width: BatchWidth,
+) -> Result<Vec<[u32; WORDS]>> {
     let out = Buffer::zeroed(count * WORDS * 4);
     let resources = resources.bind(0, 0, Descriptor::Buffer(out.clone()));
     let launch = Launch { pipeline, resources: &resources };
-    launch.run::<W>([count as u32, 1, 1], &|_| ())?;
+    launch.run([count as u32, 1, 1], RunOptions::of(width))?;
     let words: Vec<u32> = bytemuck::pod_collect_to_vec(&out.bytes());
     Ok(words.chunks_exact(WORDS).map(|words| words.try_into().unwrap()).collect())
 }
@@ -205,9 +202,9 @@ where
 /// Runs a compute shader in batches of 1, 64 or 128 lanes.
 pub fn run_lanes(compute: &Compute, lanes: usize, resources: &Resources, groups: [u32; 3]) -> Result<Stats> {
     match lanes {
-        1 => compute.run::<1>(resources, groups, &|_| ()),
-        128 => compute.run::<128>(resources, groups, &|_| ()),
-        64 => compute.run::<64>(resources, groups, &|_| ()),
+        1 => compute.run(resources, groups, RunOptions::of(BatchWidth::One)),
+        128 => compute.run(resources, groups, RunOptions::of(BatchWidth::Of128)),
+        64 => compute.run(resources, groups, RunOptions::default()),
         _ => panic!("no batch has {lanes} lanes"),
     }
 }

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use anyhit_engine::machine::{Buffer, Descriptor, Resources};
-use anyhit_engine::pipeline::Compute;
+use anyhit_engine::pipeline::{BatchWidth, Compute, RunOptions};
 use anyhit_engine::program::{Inlining, LowerOptions, Optimization, Program};
 
 use crate::random_modules::evaluate::Memory;
@@ -92,9 +92,9 @@ pub fn interpret(
             assert_eq!(resources.memory.add_buffer(&buffers[BUFFERS - 1]), before.address);
             let groups = [generated.groups, 1, 1];
             let result = match lanes {
-                1 => compute.run::<1>(&resources, groups, &|_| ()),
-                128 => compute.run::<128>(&resources, groups, &|_| ()),
-                _ => compute.run::<64>(&resources, groups, &|_| ()),
+                1 => compute.run(&resources, groups, RunOptions::of(BatchWidth::One)),
+                128 => compute.run(&resources, groups, RunOptions::of(BatchWidth::Of128)),
+                _ => compute.run(&resources, groups, RunOptions::default()),
             };
             let way = format!("{lowered:?}, {lanes} lanes");
             result.map_err(|error| format!("trapped ({way}): {}", error.render()))?;

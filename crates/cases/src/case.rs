@@ -9,6 +9,7 @@ use anyhit_base::error::{Error, ErrorKind, Place, Result};
 use anyhit_base::escape;
 use anyhit_base::input::InputLimit;
 use anyhit_base::sorted::{SortedSet, sort};
+use anyhit_engine::pipeline::BatchWidth;
 use anyhit_scene::file::SceneFile;
 use anyhit_scene::read::{Diagnostics, Document, Parse, Table};
 use anyhit_scene::resolve::refuse_module;
@@ -249,7 +250,7 @@ impl Case {
     #[doc(hidden)]
     pub fn check_optimizer(&self) -> Result<()> {
         let loaded = self.load()?;
-        loaded.check_launch(&run::<64>(&loaded.scene, &loaded.assembled))?;
+        loaded.check_launch(&run(&loaded.scene, &loaded.assembled, BatchWidth::default()))?;
         for at in (0..loaded.rays.len()).filter(|&at| loaded.rays[at].is_some()) {
             let found = run_ray(&loaded.scene, &loaded.assembled, at, &mut RayMeasurements::default());
             loaded.check_ray(at, &found)?;
@@ -311,11 +312,10 @@ impl Loaded {
     /// `Expectation` where they do not agree; what [`run::costs`](crate::run::costs) says.
     pub fn widths(&self) -> Result<Observed> {
         let (scene, assembled) = (&self.scene, &self.assembled);
-        let one = run::<1>(scene, assembled);
-        let mut many = run::<64>(scene, assembled);
-        for (lanes, other) in [(64, &many), (128, &run::<128>(scene, assembled))] {
+        let [one, mut many, most] = BatchWidth::ALL.map(|width| run(scene, assembled, width));
+        for (width, other) in [(BatchWidth::Of64, &many), (BatchWidth::Of128, &most)] {
             if let Some(difference) = difference(&one, other, Counts::All) {
-                let message = format!("1 and {lanes} lanes disagree: {difference}");
+                let message = format!("1 and {width} lanes disagree: {difference}");
                 return Err(Error::new(ErrorKind::Expectation, message)
                     .at(Place::File(scene.path.clone()))
                     .note("results must not depend on how many invocations run side by side"));

@@ -10,6 +10,7 @@ use crate::case::{Counts, Loaded, difference};
 use crate::expect::Observed;
 use crate::run::{RayMeasurements, run, run_ray};
 use anyhit_base::error::{Error, ErrorKind, Place, Result};
+use anyhit_engine::pipeline::BatchWidth;
 
 impl Loaded {
     /// Compares what the launch left behind, all of it, with runs of the reference at 1, 64 and
@@ -20,9 +21,8 @@ impl Loaded {
     pub fn check_launch(&self, optimized: &Observed) -> Result<()> {
         let reference = self.assembled.unoptimized()?;
         let scene = &self.scene;
-        self.same(1, optimized, &run::<1>(scene, &reference))?;
-        self.same(64, optimized, &run::<64>(scene, &reference))?;
-        self.same(128, optimized, &run::<128>(scene, &reference))
+        let same = |width| self.same(width, optimized, &run(scene, &reference, width));
+        BatchWidth::ALL.into_iter().try_for_each(same)
     }
 
     /// Compares what became of a ray of the scene, and what it left behind, with a run of the
@@ -32,10 +32,11 @@ impl Loaded {
     /// `Expectation` with the first difference.
     pub fn check_ray(&self, at: usize, optimized: &Observed) -> Result<()> {
         let reference = self.assembled.unoptimized()?;
-        self.same(1, optimized, &run_ray(&self.scene, &reference, at, &mut RayMeasurements::default()))
+        let found = run_ray(&self.scene, &reference, at, &mut RayMeasurements::default());
+        self.same(BatchWidth::One, optimized, &found)
     }
 
-    fn same(&self, lanes: u32, optimized: &Observed, reference: &Observed) -> Result<()> {
+    fn same(&self, width: BatchWidth, optimized: &Observed, reference: &Observed) -> Result<()> {
         let rays = |observed: &Observed| format!("{:?}", observed.rays);
         let found = difference(optimized, reference, Counts::Rays).or_else(|| {
             let rays = [rays(optimized), rays(reference)];
@@ -44,7 +45,7 @@ impl Loaded {
             differ.then(|| format!("rays {} / {}", rays[0], rays[1]))
         });
         let Some(difference) = found else { return Ok(()) };
-        let message = format!("optimised and not optimised ({lanes} lanes) disagree: {difference}");
+        let message = format!("optimised and not optimised ({width} lanes) disagree: {difference}");
         Err(Error::new(ErrorKind::Expectation, message)
             .at(Place::File(self.scene.path.clone()))
             .note("this is a bug in anyhit's optimizer, not in the shader: please report it with the module"))

@@ -25,7 +25,7 @@ use anyhit_engine::machine::{Descriptor, Resources};
 use anyhit_engine::module::Module;
 use anyhit_engine::ops::pointer::storage;
 use anyhit_engine::pipeline::WrittenMemory;
-use anyhit_engine::pipeline::{Pipeline, Stats};
+use anyhit_engine::pipeline::{Pipeline, RunOptions, Stats};
 use anyhit_explain::render::{self, RenderOptions};
 use anyhit_sanitize::WarningReports;
 use anyhit_scene::addresses::Addresses;
@@ -400,7 +400,7 @@ impl LoadedScene {
     pub fn launch(&self) -> Result<SceneOutcome> {
         let assembled = self.assembled()?;
         let resources = own_resources(&assembled);
-        let stats = assembled.run::<64>(&resources, &|_| ())?;
+        let stats = assembled.run(&resources, RunOptions::default())?;
         Ok(self.outcome(&assembled, None, stats, resources))
     }
 
@@ -485,7 +485,7 @@ impl LoadedScene {
             levels: scene_levels(&self.scene.document)?,
             ..ManySeeds::default()
         };
-        let outcome = assembled.run::<64>(&fresh_resources(&assembled), &|_| ());
+        let outcome = assembled.run(&fresh_resources(&assembled), RunOptions::default());
         drawn.run(&self.scene, &assembled)?.into_warnings(outcome.map(|_| ()))
     }
 
@@ -498,7 +498,7 @@ impl LoadedScene {
         let assembled = self.assembled()?;
         let number = assembled.pass_number(pass)?;
         let resources = own_resources(&assembled);
-        let stats = assembled.run_pass::<64>(&assembled.passes[number], &resources, &|_| ())?;
+        let stats = assembled.run_pass(&assembled.passes[number], &resources, RunOptions::default())?;
         Ok(self.outcome(&assembled, Some(number), stats, resources))
     }
 
@@ -517,7 +517,7 @@ impl LoadedScene {
                 let written = WrittenMemory::of(assembled.pass_programs(pass), &found);
                 resources = written.copied(&resources);
             }
-            let stats = assembled.run_pass::<64>(pass, &resources, &|_| ());
+            let stats = assembled.run_pass(pass, &resources, RunOptions::default());
             let stats = stats.map_err(|error| assembled.in_pass(number, error))?;
             outcomes.push(self.outcome(&assembled, Some(number), stats, resources.clone()));
         }

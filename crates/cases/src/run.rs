@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::cost::{Costs, Counter, Meter};
+use crate::cost::{Costs, Meter};
 use crate::coverage::Recorder;
 use crate::expect::{Observed, RayFound};
 use crate::observe::{first_ray, fresh_resources, read_resources};
@@ -12,23 +12,19 @@ use crate::tasks::in_tasks;
 use anyhit_base::error::{Error, ErrorKind, Result};
 use anyhit_debugger::session::{self, ResolvedRequest};
 use anyhit_engine::accel::Tlas;
-use anyhit_engine::machine::{Batch, BlockIndex, Observer, Resources, ShaderIndex};
-use anyhit_engine::ops::lane_kernel::{LaneKernel, Width};
+use anyhit_engine::machine::{Observer, Resources};
 use anyhit_engine::ops::pointer::storage;
-use anyhit_engine::pipeline::{Event, Launch, Pipeline, PipelineObserver, Stats};
+use anyhit_engine::pipeline::{BatchWidth, Event, Launch, Pipeline, PipelineObserver, RunOptions, Stats};
 use anyhit_engine::program::Program;
 use anyhit_engine::program::layout::{Layout, Rules};
 use anyhit_scene::file::RayEntry;
 use anyhit_scene::pass::PassWork;
 use anyhit_scene::{Assembled, ResolvedScene};
-use anyhit_unit_test::block_counts::BlockCounts;
 
 /// Runs a scene's launch and dispatches at a width, and traces its rays.
-pub fn run<const W: usize>(scene: &ResolvedScene, assembled: &Assembled) -> Observed
-where
-    LaneKernel: Width<W>,
-{
-    let mut observed = launch(scene, assembled, |resources| assembled.run::<W>(resources, &|_| ()));
+pub fn run(scene: &ResolvedScene, assembled: &Assembled, width: BatchWidth) -> Observed {
+    let options = RunOptions::of(width);
+    let mut observed = launch(scene, assembled, |resources| assembled.run(resources, options));
     observed.rays = rays(scene, assembled, &mut RayMeasurements::default());
     observed
 }
@@ -36,10 +32,11 @@ where
 /// Runs a scene's launch and dispatches at the batch width for their size; results do not depend on
 /// the width.
 pub fn run_launch(scene: &ResolvedScene, assembled: &Assembled) -> Observed {
-    launch(scene, assembled, |resources| match assembled.invocations() {
-        0..=1 => assembled.run::<1>(resources, &|_| ()),
-        _ => assembled.run::<64>(resources, &|_| ()),
-    })
+    let width = match assembled.invocations() {
+        0..=1 => BatchWidth::One,
+        _ => BatchWidth::default(),
+    };
+    launch(scene, assembled, |resources| assembled.run(resources, RunOptions::of(width)))
 }
 
 /// Traces each ray of a scene, on resources as the scene describes them.
@@ -106,7 +103,7 @@ pub fn costs(assembled: &Assembled) -> Result<Costs> {
     let mut sum = Costs::default();
     for pass in &assembled.passes[..last.map_or(0, |last| last + 1)] {
         let Some(launch) = pass.launch() else {
-            assembled.run_pass::<64>(pass, &resources, &|_| ())?;
+            assembled.run_pass(pass, &resources, RunOptions::default())?;
             continue;
         };
         let (pipeline, resources) =
@@ -205,7 +202,7 @@ fn single_ray(
         let mut unused = Recorder::default();
         let recorder = measurements.recorder.as_deref_mut().unwrap_or(&mut unused);
         let (mut sink, counts) = recorder.parts(single.index);
-        let mut both = CoverageAndCost(counts, meter.counter());
+        let mut both = (counts, meter.counter());
         let mut sink = |event: Event| {
             meter.event(&event);
             sink.event(&event);
@@ -216,25 +213,6 @@ fn single_ray(
         outcome?
     };
     Ok((stats, first_ray(launch.pipeline, &events)))
-}
-
-/// An observer that records coverage and counts cost.
-struct CoverageAndCost<'a>(&'a mut BlockCounts, Counter<'a>);
-
-impl Observer<1> for CoverageAndCost<'_> {
-    fn resumed(&mut self, shader: ShaderIndex, batch: &mut Batch<1>) {
-        self.0.resumed(shader, batch);
-        self.1.resumed(shader, batch);
-    }
-
-    fn block(&mut self, batch: &Batch<1>) {
-        self.0.block(batch);
-        self.1.block(batch);
-    }
-
-    fn edge(&mut self, block: BlockIndex, edge: u32, lanes: u32) {
-        Observer::<1>::edge(self.0, block, edge, lanes);
-    }
 }
 
 /// Runs one ray, or one invocation of ray generation.

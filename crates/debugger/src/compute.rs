@@ -6,7 +6,7 @@ use crate::summary;
 use anyhit_base::error::{Error, ErrorReport, Result};
 use anyhit_base::escape;
 use anyhit_engine::math::array;
-use anyhit_engine::pipeline::{Event, Pipeline, RunPart};
+use anyhit_engine::pipeline::{Event, Pipeline, RunOptions, RunPart};
 use anyhit_explain::names::Names;
 use anyhit_explain::reader::EventReader;
 use anyhit_explain::transcript::{DispatchIndex, MemoryChange, Transcript, VERSION};
@@ -67,7 +67,7 @@ impl Session {
         let passes = &self.assembled.passes;
         let at = passes.iter().position(is_wanted).expect("bug in anyhit: a dispatch without a pass");
         for before in &passes[..at] {
-            self.assembled.run_pass::<64>(before, &self.assembled.resources, &|_| ())?;
+            self.assembled.run_pass(before, &self.assembled.resources, RunOptions::default())?;
         }
         Ok((at, &passes[at]))
     }

@@ -22,8 +22,47 @@ use anyhit_engine::ops::ray_query::RayQueryOp;
 use anyhit_engine::ops::ray_tracing::RayTracingOp;
 use anyhit_engine::program::Terminator;
 
-impl<const W: usize> Observer<W> for Sanitizer<'_> {
-    fn began(&mut self, shader: ShaderIndex, batch: &mut Batch<W>) {
+/// An observer of batches of each width. These are no generic functions: such a one would be
+/// compiled with the whole sanitizer once more in each crate that calls it.
+macro_rules! observe {
+    ($($lanes:literal),*) => {$(
+        impl Observer<$lanes> for Sanitizer<'_> {
+            fn began(&mut self, shader: ShaderIndex, batch: &mut Batch<$lanes>) {
+                self.on_began(shader, batch);
+            }
+
+            fn stopped(&mut self, shader: ShaderIndex, batch: &Batch<$lanes>) {
+                self.on_stopped(shader, batch);
+            }
+
+            fn resumed(&mut self, shader: ShaderIndex, batch: &mut Batch<$lanes>) {
+                self.on_resumed(shader, batch);
+            }
+
+            fn block(&mut self, batch: &Batch<$lanes>) {
+                barrier::enter_block(self, batch);
+            }
+
+            fn before(&mut self, batch: &mut Batch<$lanes>, op: OpIndex) -> bool {
+                self.on_before(batch, op);
+                false
+            }
+
+            fn after(&mut self, batch: &mut Batch<$lanes>, bindings: &Bindings, op: OpIndex) {
+                self.on_after(batch, bindings, op);
+            }
+
+            fn terminator(&mut self, batch: &mut Batch<$lanes>) -> bool {
+                self.depend_on_branch(batch);
+                false
+            }
+        }
+    )*};
+}
+observe!(1, 64, 128);
+
+impl Sanitizer<'_> {
+    fn on_began<const W: usize>(&mut self, shader: ShaderIndex, batch: &mut Batch<W>) {
         let registers = batch.registers.len();
         let mut shadow = match batch.registers.shadow.take() {
             Some(shadow) => shadow,
@@ -47,7 +86,7 @@ impl<const W: usize> Observer<W> for Sanitizer<'_> {
         batch.registers.shadow = Some(shadow);
     }
 
-    fn stopped(&mut self, shader: ShaderIndex, batch: &Batch<W>) {
+    fn on_stopped<const W: usize>(&mut self, shader: ShaderIndex, batch: &Batch<W>) {
         let is_compute =
             self.plans.get(shader.index()).is_some_and(|plan| plan.program.stage == Stage::Compute);
         if batch.live().is_empty() {
@@ -68,7 +107,7 @@ impl<const W: usize> Observer<W> for Sanitizer<'_> {
         }
     }
 
-    fn resumed(&mut self, shader: ShaderIndex, batch: &mut Batch<W>) {
+    fn on_resumed<const W: usize>(&mut self, shader: ShaderIndex, batch: &mut Batch<W>) {
         if let Some(frame) = self.frames.last_mut() {
             frame.shader = shader;
         }
@@ -79,21 +118,16 @@ impl<const W: usize> Observer<W> for Sanitizer<'_> {
         }
     }
 
-    fn block(&mut self, batch: &Batch<W>) {
-        barrier::enter_block(self, batch);
-    }
-
     #[inline]
-    fn before(&mut self, batch: &mut Batch<W>, op: OpIndex) -> bool {
-        let Some((shader, plan)) = self.plan() else { return false };
+    fn on_before<const W: usize>(&mut self, batch: &mut Batch<W>, op: OpIndex) {
+        let Some((shader, plan)) = self.plan() else { return };
         if let Some(next @ (Op::Stop(_) | Op::RayQuery(_) | Op::Barrier)) = plan.program.ops.get(op.index()) {
             self.look_before(batch, plan, OpPlace { shader, op }, next);
         }
-        false
     }
 
     #[inline]
-    fn after(&mut self, batch: &mut Batch<W>, bindings: &Bindings, op: OpIndex) {
+    fn on_after<const W: usize>(&mut self, batch: &mut Batch<W>, bindings: &Bindings, op: OpIndex) {
         let Some((shader, plan)) = self.plan() else { return };
         let Some(mut shadow) = batch.registers.shadow.take() else { return };
         let executed = Executed { place: OpPlace { shader, op }, step: &plan.steps[op.index()] };
@@ -109,13 +143,6 @@ impl<const W: usize> Observer<W> for Sanitizer<'_> {
         batch.registers.shadow = Some(shadow);
     }
 
-    fn terminator(&mut self, batch: &mut Batch<W>) -> bool {
-        self.depend_on_branch(batch);
-        false
-    }
-}
-
-impl Sanitizer<'_> {
     /// Looks at an operation that is about to run, and hands the batch to the pipeline or starts a
     /// ray query.
     #[inline(never)]

@@ -426,7 +426,7 @@ impl Parse for PipelineEntry {
             hit: table.or("hit", Vec::new()),
             max_recursion_depth: table.optional("max_recursion_depth"),
             subgroup_size: subgroup_size.map(|size| size.value),
-            fuel: table.optional_renamed("fuel", "budget"),
+            fuel: table.optional("fuel"),
             launch_fuel: table.optional("launch_fuel"),
             max_callable_depth: callable_depth.map(|depth| depth.value),
             max_stack_size: table.optional("max_stack_size"),

@@ -10,8 +10,7 @@ use crate::pass_entry::{MAX_LAUNCH, PassKey};
 use crate::resolved::{IndirectSize, Rebinding, RebindingSource};
 use anyhit_base::error::{Error, ErrorKind, Result};
 use anyhit_engine::machine::{Binding, Descriptor, Resources};
-use anyhit_engine::ops::lane_kernel::{LaneKernel, Width};
-use anyhit_engine::pipeline::{Launch, Pipeline, Stats, WrittenMemory};
+use anyhit_engine::pipeline::{Launch, Pipeline, RunOptions, Stats, WrittenMemory};
 use anyhit_engine::program::Program;
 
 /// The descriptor that a pass finds. A sampler beside an image is the descriptor's own.
@@ -175,19 +174,15 @@ impl Assembled {
         self.passes.iter().map(pass).fold(0, u64::saturating_add)
     }
 
-    /// Runs the passes of the scene on these resources, W lanes at a time; `done` receives how many
-    /// more invocations have ended.
+    /// Runs the passes of the scene on these resources.
     ///
     /// # Errors
     /// The first trap, as [`Launch::run`] and
     /// [`Compute::run`](anyhit_engine::pipeline::Compute::run) report it.
-    pub fn run<const W: usize>(&self, resources: &Resources, done: &(dyn Fn(u64) + Sync)) -> Result<Stats>
-    where
-        LaneKernel: Width<W>,
-    {
+    pub fn run(&self, resources: &Resources, options: RunOptions<'_>) -> Result<Stats> {
         let mut stats = Stats::default();
         for (number, pass) in self.passes.iter().enumerate() {
-            let more = self.run_pass::<W>(pass, resources, done);
+            let more = self.run_pass(pass, resources, options);
             stats = stats.plus(&more.map_err(|error| self.in_pass(number, error))?);
         }
         Ok(stats)
@@ -214,24 +209,16 @@ impl Assembled {
     ///
     /// # Errors
     /// As [`Assembled::run`].
-    pub fn run_pass<const W: usize>(
-        &self,
-        pass: &Pass,
-        resources: &Resources,
-        done: &(dyn Fn(u64) + Sync),
-    ) -> Result<Stats>
-    where
-        LaneKernel: Width<W>,
-    {
+    pub fn run_pass(&self, pass: &Pass, resources: &Resources, options: RunOptions<'_>) -> Result<Stats> {
         let resources = self.pass_resources(pass, resources);
         match &pass.work {
             PassWork::Launch(launch) => {
                 let pipeline = self.pass_pipeline(launch);
-                Launch { pipeline: &pipeline, resources: &resources }.run::<W>(launch.size(&resources), done)
+                Launch { pipeline: &pipeline, resources: &resources }.run(launch.size(&resources), options)
             }
             PassWork::Dispatch(index) => {
                 let dispatch = &self.dispatches[*index];
-                dispatch.compute.run::<W>(&resources, dispatch.groups(&resources), done)
+                dispatch.compute.run(&resources, dispatch.groups(&resources), options)
             }
         }
     }
@@ -314,7 +301,7 @@ impl SingleLaunch<'_> {
     /// As [`Assembled::run`].
     pub fn run_before(&self, resources: &Resources) -> Result<()> {
         for pass in &self.assembled.passes[..self.number] {
-            self.assembled.run_pass::<64>(pass, resources, &|_| ())?;
+            self.assembled.run_pass(pass, resources, RunOptions::default())?;
         }
         if let Some(printed) = resources.printed.as_ref().filter(|_| self.number > 0) {
             printed.take();

@@ -241,8 +241,6 @@ pub trait Named: Copy + 'static {
     const WHAT: &'static str;
     /// All names.
     const NAMES: &'static [(&'static str, Self)];
-    /// Old names that are still accepted, each with the name that replaced it.
-    const RENAMED: &'static [(&'static str, &'static str)] = &[];
 }
 
 /// A TOML value with its span.
@@ -348,8 +346,6 @@ pub struct Table<'a> {
     value: TomlValue<'a>,
     entries: &'a [TomlMember],
     requested: RefCell<SortedSet<&'static str>>,
-    /// Old keys that were read in place of the keys that replaced them.
-    renamed: RefCell<SortedSet<&'static str>>,
     missing: RefCell<Vec<&'static str>>,
     /// Keys of which it was said already that they must not be here.
     refused: RefCell<SortedSet<&'a str>>,
@@ -363,7 +359,6 @@ impl<'a> Table<'a> {
             value,
             entries,
             requested: RefCell::default(),
-            renamed: RefCell::default(),
             missing: RefCell::default(),
             refused: RefCell::default(),
         })
@@ -424,21 +419,6 @@ impl<'a> Table<'a> {
         T::parse(self.member(key)?)
     }
 
-    /// Reads a key that may be missing, or have its old name, which is noted. In a table with both
-    /// names, the old one is an unknown key.
-    pub fn optional_renamed<T: Parse>(&self, key: &'static str, old: &'static str) -> Option<T> {
-        if !self.has(key)
-            && let Some(member) = self.entries.iter().find(|member| &*member.key == old)
-        {
-            self.requested.borrow_mut().insert(key);
-            self.renamed.borrow_mut().insert(old);
-            let span = Span { source: self.value.source.clone(), range: member.key_range() };
-            self.report().renamed(&span, old, key);
-            return T::parse(TomlValue { node: &member.node, ..self.value });
-        }
-        self.optional(key)
-    }
-
     /// Reads a key that has a default.
     pub fn or<T: Parse>(&self, key: &'static str, default: T) -> T {
         self.optional(key).unwrap_or(default)
@@ -474,9 +454,8 @@ impl<'a> Table<'a> {
     /// Reports every missing key, and every key that was not requested. Call it after the last
     /// request and before returning early because of a missing key.
     pub fn finish(&self) {
-        let (requested, renamed) = (self.requested.borrow(), self.renamed.borrow());
-        let refused = self.refused.borrow();
-        let known = |key: &str| requested.contains(key) || renamed.contains(key) || refused.contains(key);
+        let (requested, refused) = (self.requested.borrow(), self.refused.borrow());
+        let known = |key: &str| requested.contains(key) || refused.contains(key);
         let unknown: Vec<_> = self.members().filter(|(key, _)| !known(&key.value)).collect();
         for key in self.missing.take() {
             // A misspelt key is reported once: the message for the unknown key suggests this one.
@@ -637,21 +616,6 @@ mod tests {
         let error = read("x = 'liner'", |t| t.required::<Filter>("x")).unwrap_err();
         assert!(error.render().contains("did you mean `linear`?"), "{error:?}");
         assert_eq!(read("x = 'nearest'", |t| t.required::<Filter>("x")).unwrap(), Filter::Nearest);
-    }
-
-    #[test]
-    fn an_old_key_is_read_and_noted() {
-        let document = Document::parse("t.toml", "\nradus = 2\n").unwrap();
-        let report = Diagnostics::default();
-        let table = document.root(&report);
-        assert_eq!(table.optional_renamed::<u32>("radius", "radus"), Some(2));
-        table.finish();
-        assert!(report.is_empty());
-        let note = "t.toml:2: `radus` is now called `radius`; the old name still works";
-        assert_eq!(report.take_notes(), [note]);
-        // With both names the old one is a mistake.
-        let both = read("radus = 2\nradius = 3\n", |t| t.optional_renamed::<u32>("radius", "radus"));
-        assert_eq!(both.unwrap_err().message(), "unknown key `radus`");
     }
 
     #[test]

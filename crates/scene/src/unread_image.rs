@@ -141,6 +141,7 @@ mod tests {
     use crate::{Assembled, LoadOptions, SceneFiles, assemble, load_text};
     use anyhit_base::error::ErrorKind;
     use anyhit_engine::machine::Descriptor;
+    use anyhit_engine::pipeline::{BatchWidth, RunOptions};
 
     /// The scene of sampled images, one of which is read from a file.
     fn scene(file: &Path, read_all: bool) -> Result<Assembled> {
@@ -177,7 +178,7 @@ mod tests {
         let scene = scene(&file, false).expect("a scene");
         let image = image(&scene);
         assert_eq!((image.shape().extent, image.is_read()), ([4, 2, 1], false));
-        scene.run::<64>(&scene.resources, &|_| ()).expect("it runs");
+        scene.run(&scene.resources, RunOptions::default()).expect("it runs");
         assert!(image.is_read());
         // The red of the second texel, an eight-bit number that is read as it is stored.
         assert_eq!(image.bytes()[4..8], (4.0_f32 / 255.0).to_le_bytes());
@@ -193,14 +194,14 @@ mod tests {
         let scene_of = |read_all| scene(&file, read_all);
         let lazy = scene_of(false).expect("a scene");
         for error in [
-            lazy.run::<64>(&lazy.resources, &|_| ()).expect_err("an error"),
+            lazy.run(&lazy.resources, RunOptions::default()).expect_err("an error"),
             scene_of(true).expect_err("an error"),
         ] {
             let text = error.render();
             assert_eq!(error.kind(), ErrorKind::InvalidImage, "{text}");
             assert!(text.contains("a.png") && text.contains("scene.toml:"), "{text}");
         }
-        let error = lazy.run::<1>(&lazy.resources, &|_| ()).expect_err("an error");
+        let error = lazy.run(&lazy.resources, RunOptions::of(BatchWidth::One)).expect_err("an error");
         assert!(error.notes().iter().any(|note| note.contains("launch id (0, 0, 0)")), "{error}");
     }
 
@@ -212,7 +213,7 @@ mod tests {
         let scene = scene(&file, false).expect("a scene");
         let other = Picture { format: Format::RGBA8_SRGB, extent: [2, 4], texels: vec![0; 32] };
         std::fs::write(&file, other.encode_png(PixelEncoding::STORED).expect("a PNG")).expect("a file");
-        let error = scene.run::<64>(&scene.resources, &|_| ()).expect_err("an error");
+        let error = scene.run(&scene.resources, RunOptions::default()).expect_err("an error");
         assert!(error.message().contains("the file has changed"), "{error}");
     }
 }

@@ -44,6 +44,7 @@ fn with_own_records(pipeline: &Pipeline) -> Pipeline {
 mod tests {
     use super::*;
     use anyhit_engine::machine::Descriptor;
+    use anyhit_engine::pipeline::RunOptions;
     use anyhit_scene::{LoadOptions, SceneFiles, assemble, load};
 
     /// Runs the passes of a scene on a copy of everything, and returns how many buffers and images
@@ -60,7 +61,7 @@ mod tests {
         let resources = copied(&assembled.resources);
         let written = assembled.written_memory(&resources);
         // Some of them trap.
-        let _ = assembled.run::<64>(&resources, &|_| ());
+        let _ = assembled.run(&resources, RunOptions::default());
         let kinds = |resources: &Resources| {
             let descriptors = resources.descriptors.values().flatten();
             let bound = descriptors.flat_map(|one| one.kinds().to_vec()).collect::<Vec<_>>();

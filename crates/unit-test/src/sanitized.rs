@@ -6,7 +6,7 @@ use crate::compute_test::ComputeTest;
 use crate::shader_test::ShaderTest;
 use crate::side_by_side::SideBySide;
 use anyhit_base::error::Result;
-use anyhit_engine::machine::{Observer, ShaderIndex};
+use anyhit_engine::machine::ShaderIndex;
 use anyhit_engine::pipeline::WrittenMemory;
 use anyhit_sanitize::module_checks::check_module;
 use anyhit_sanitize::{Levels, ProgramPlan, Sanitizer, WarningReports};
@@ -35,10 +35,7 @@ impl ShaderTest {
         test.program = Arc::new(self.program.for_sanitizer()?);
         let (plans, levels) = ([ProgramPlan::new(&test.program)], Levels::default());
         let mut sanitizer = Sanitizer::new(&plans, &levels);
-        let outcome = {
-            let mut observer: &mut dyn Observer<1> = &mut sanitizer;
-            test.run_observed(&mut observer)
-        };
+        let outcome = test.run_observed(Some(&mut sanitizer));
         let mut findings = check_module(&test.program, ShaderIndex(0), &levels);
         findings.extend(sanitizer.into_findings());
         findings.into_warnings(outcome.map(|_| ()))

@@ -24,7 +24,7 @@ use anyhit_engine::machine::printed::PrintedLine;
 use anyhit_engine::ops::pointer::storage;
 use anyhit_engine::ops::translate::InterfaceRegisters;
 use anyhit_engine::pipeline::{
-    Band, BandedLaunch, Event, HostScene, Launch, Pipeline, PipelineObserver, RayOperands, Stats,
+    Band, BandedLaunch, Event, HostScene, Launch, Pipeline, PipelineObserver, RayOperands, RunOptions, Stats,
     StreamedImage,
 };
 use anyhit_engine::program::Program;
@@ -152,7 +152,7 @@ impl HostScene for Scene {
     fn launched(&self, pipeline: &Pipeline, size: [u32; 3]) -> Result<Launched> {
         self.check_launch(pipeline, size)?;
         let (pipeline, resources) = memory::copied_for_run(pipeline, self.resources());
-        let stats = Launch { pipeline: &pipeline, resources: &resources }.run::<64>(size, &|_| ())?;
+        let stats = Launch { pipeline: &pipeline, resources: &resources }.run(size, RunOptions::default())?;
         Ok(launched(&pipeline, resources, stats))
     }
 
@@ -161,7 +161,7 @@ impl HostScene for Scene {
         pipeline: &Pipeline,
         [width, height]: [u32; 2],
         image: &StreamedImage,
-        take: impl FnMut(Band<'_>) -> Result<()> + Send,
+        mut take: impl FnMut(Band<'_>) -> Result<()> + Send,
     ) -> Result<Launched> {
         self.check_launch(pipeline, [width, height, 1])?;
         let format = |program: &Arc<Program>| image_views::check_format(program, image.binding, image.format);
@@ -171,7 +171,7 @@ impl HostScene for Scene {
         let bands = launch
             .bands([width, height, 1], image)
             .map_err(|why| BandedLaunch::cannot_stream(image, &why))?;
-        let stats = bands.run::<64>(&|_| (), take)?;
+        let stats = bands.run(RunOptions::default(), &mut take)?;
         Ok(launched(&pipeline, resources, stats))
     }
 

@@ -4,7 +4,7 @@ use crate::cli::share::ShareArgs;
 use anyhit_base::error::{Error, ErrorKind, Result};
 use anyhit_cases::shares::ShareResults;
 use anyhit_cases::shares::render::{RenderResult, RenderWhole, RenderedBand};
-use anyhit_engine::pipeline::{Band, BandedLaunch};
+use anyhit_engine::pipeline::{Band, BandedLaunch, RunOptions};
 
 /// A share of a picture to be rendered.
 pub(super) struct PictureShare<'a> {
@@ -14,8 +14,6 @@ pub(super) struct PictureShare<'a> {
     pub whole: RenderWhole,
     /// All bands.
     pub bands: BandedLaunch<'a>,
-    /// The number of lanes, as it is typed.
-    pub lanes: &'a str,
 }
 
 impl PictureShare<'_> {
@@ -23,7 +21,7 @@ impl PictureShare<'_> {
     ///
     /// # Errors
     /// The trap of a shader, and `Io`.
-    pub(super) fn run(self, on_progress: &(dyn Fn(u64) + Sync)) -> Result<()> {
+    pub(super) fn run(self, options: RunOptions<'_>) -> Result<()> {
         let shard = self.share.shard_or_whole();
         let number = |number: usize| {
             u32::try_from(number).map_err(|_| {
@@ -36,11 +34,7 @@ impl PictureShare<'_> {
             result.bands.push(RenderedBand::of(band)?);
             Ok(())
         };
-        match self.lanes {
-            "1" => bands.run::<1>(on_progress, &mut keep),
-            "128" => bands.run::<128>(on_progress, &mut keep),
-            _ => bands.run::<64>(on_progress, &mut keep),
-        }?;
+        bands.run(options, &mut keep)?;
         self.share.write(&ShareResults::new(self.whole, shard, result))
     }
 }

@@ -745,6 +745,7 @@ mod tests {
         use anyhit_base::error::TrapOperands;
         use anyhit_engine::machine::TrapCode;
         use anyhit_engine::module::interface::Stage;
+        use anyhit_engine::pipeline::RunOptions;
 
         // Line 10 writes word `at` of buffer `at / 2`: the last of four invocations is beyond the
         // 12 bytes of the second one.
@@ -753,7 +754,7 @@ mod tests {
         let module = Path::new("spirv-fixtures/fail/compute/array-of-buffers/main.comp.spv");
         let (scene, _) = arguments.scene(module, None, InputLimits::default(), false).unwrap();
         let assembled = anyhit_scene::assemble(&scene).unwrap();
-        let error = assembled.run::<64>(&assembled.resources, &|_| ()).unwrap_err();
+        let error = assembled.run(&assembled.resources, RunOptions::default()).unwrap_err();
         let trap = error.trap().expect("a trap");
         assert_eq!((trap.code, trap.launch_id), (TrapCode::BufferOutOfBounds, [3, 0, 0]));
         assert_eq!((trap.stage(), trap.line()), (Some(Stage::Compute), Some(10)));

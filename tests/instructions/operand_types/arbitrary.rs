@@ -8,7 +8,7 @@ use std::sync::Arc;
 use anyhit_base::error::{ErrorKind, Result};
 use anyhit_engine::machine::Resources;
 use anyhit_engine::ops::support::{self, Support};
-use anyhit_engine::pipeline::{Launch, Pipeline};
+use anyhit_engine::pipeline::{BatchWidth, Launch, Pipeline, RunOptions};
 use rspirv::grammar::{INSTRUCTION_TABLE, OperandKind, OperandQuantifier};
 
 use crate::instructions::operand_types::types::hash;
@@ -201,7 +201,9 @@ fn run(text: &str) -> Result<()> {
     let program = anyhit_engine::program::lower(&module, &module.entry_points[0])?;
     let pipeline = Pipeline::builder().ray_generation(program)?.build()?;
     let resources = Resources::default();
-    Launch { pipeline: &pipeline, resources: &resources }.run::<1>([1, 1, 1], &|_| ()).map(|_| ())
+    Launch { pipeline: &pipeline, resources: &resources }
+        .run([1, 1, 1], RunOptions::of(BatchWidth::One))
+        .map(|_| ())
 }
 
 #[test]

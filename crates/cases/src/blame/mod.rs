@@ -2,6 +2,7 @@
 
 mod payload_writes;
 mod resource_writes;
+use anyhit_engine::pipeline::RunOptions;
 
 use crate::case::Loaded;
 use crate::expect::Subject;
@@ -63,7 +64,7 @@ fn request(loaded: &Loaded, number: usize, id: [u32; 3]) -> ExplainRequest {
 fn trapped_pass(loaded: &Loaded) -> Option<usize> {
     let resources = fresh_resources(&loaded.assembled);
     let passes = &loaded.assembled.passes;
-    passes.iter().position(|pass| loaded.assembled.run_pass::<64>(pass, &resources, &|_| ()).is_err())
+    passes.iter().position(|pass| loaded.assembled.run_pass(pass, &resources, RunOptions::default()).is_err())
 }
 
 /// The note on the last write, where `was_unchanged` says that it left what was there before.

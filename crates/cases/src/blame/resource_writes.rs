@@ -18,7 +18,7 @@ use anyhit_engine::ops::image::reader::LaneReader;
 use anyhit_engine::ops::image::texel_ref::TexelRef;
 use anyhit_engine::ops::memory::{BufferRef, Chunk, MemoryOp, access_location};
 use anyhit_engine::ops::op::Op;
-use anyhit_engine::pipeline::{Company, Event, Launch, PipelineObserver, SteppedDispatch};
+use anyhit_engine::pipeline::{Company, Event, Launch, PipelineObserver, RunOptions, SteppedDispatch};
 use anyhit_engine::program::Program;
 use anyhit_engine::program::struct_lookup::{DataBlock, find_block};
 use anyhit_explain::names;
@@ -196,7 +196,7 @@ impl<'a> Search<'a> {
                 true => self.observe(number, pass, resources),
                 false => {
                     self.observe_one(number, pass, resources);
-                    assembled.run_pass::<64>(pass, resources, &|_| ()).is_ok()
+                    assembled.run_pass(pass, resources, RunOptions::default()).is_ok()
                 }
             };
             let is_known = self.last.as_ref().is_some_and(|write| write.pass == number);

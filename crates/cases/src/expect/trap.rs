@@ -33,7 +33,6 @@ impl Named for TrapName {
         }
         names
     };
-    const RENAMED: &'static [(&'static str, &'static str)] = &[("budget_spent", "out_of_fuel")];
 }
 
 impl Parse for TrapExpectation {

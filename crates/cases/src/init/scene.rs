@@ -10,6 +10,7 @@ use anyhit_base::error::{Error, ErrorKind, Result, Warning};
 use anyhit_base::{atomic_file, escape};
 use anyhit_compile::SourceWords;
 use anyhit_engine::module::interface::Stage;
+use anyhit_engine::pipeline::RunOptions;
 use anyhit_scene::{LoadOptions, RunLimits, SceneFiles, assemble, load};
 
 /// Width and height of the launch.
@@ -79,7 +80,7 @@ fn run(file: &Path, files: &SceneFiles, limits: &RunLimits) -> Result<()> {
     let mut scene = load(file, files, &LoadOptions::default())?;
     limits.give(&mut scene);
     let assembled = assemble(&scene)?;
-    assembled.run::<64>(&assembled.resources, &|_| ()).map(|_| ())
+    assembled.run(&assembled.resources, RunOptions::default()).map(|_| ())
 }
 
 impl Shaders {

@@ -16,7 +16,7 @@ use anyhit_engine::machine::{
     ChoiceKind, ChoiceLog, ChoiceSite, Observer, OpenChoices, OrderLimits, OrderPart, Resources, ShaderIndex,
 };
 use anyhit_engine::math::random::Random;
-use anyhit_engine::pipeline::{Event, Launch, PipelineObserver};
+use anyhit_engine::pipeline::{Event, Launch, PipelineObserver, RunOptions};
 use anyhit_engine::program::Program;
 use anyhit_sanitize::Levels;
 use anyhit_scene::indirect::indirect_size;
@@ -315,14 +315,15 @@ impl<'a> Runs<'a> {
                 if let Some(size) = subgroup_size {
                     pipeline.to_mut().subgroup_size = size;
                 }
-                Launch { pipeline: &pipeline, resources }.run::<64>(launch.size(resources), &|_| ())?;
+                Launch { pipeline: &pipeline, resources }
+                    .run(launch.size(resources), RunOptions::default())?;
             }
             PassWork::Dispatch(index) => {
                 let dispatch = &self.assembled.dispatches[*index];
                 let sized = |size| dispatch.compute.clone().subgroup_size(size);
                 let drawn = subgroup_size.map(sized).transpose()?;
                 let compute = drawn.as_ref().unwrap_or(&dispatch.compute);
-                compute.run::<64>(resources, dispatch.groups(resources), &|_| ())?;
+                compute.run(resources, dispatch.groups(resources), RunOptions::default())?;
             }
         }
         Ok(())

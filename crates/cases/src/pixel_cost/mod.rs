@@ -22,7 +22,7 @@ use std::borrow::Cow;
 
 use anyhit_base::error::{Error, ErrorKind, Result};
 use anyhit_engine::machine::Resources;
-use anyhit_engine::pipeline::Launch;
+use anyhit_engine::pipeline::{Launch, RunOptions};
 use anyhit_scene::Assembled;
 use anyhit_scene::frame::SingleLaunch;
 
@@ -78,7 +78,7 @@ pub fn measure(
             let launch = Launch { pipeline: &single.pipeline, resources: &resources };
             counter::count(&launch, single.size_in(&resources)).map(|cost| found = Some(cost))
         } else {
-            assembled.run_pass::<64>(pass, resources, &|_| ()).map(|_| ())
+            assembled.run_pass(pass, resources, RunOptions::default()).map(|_| ())
         };
         outcome.map_err(|error| assembled.in_pass(number, error))?;
     }

@@ -10,13 +10,13 @@ use crate::smoke::watch::StandIn;
 use anyhit_base::error::Result;
 use anyhit_engine::accel::TraceRay;
 use anyhit_engine::geometry::Ray;
-use anyhit_engine::machine::{Invocation, LaunchLimits, Observer};
+use anyhit_engine::machine::{Invocation, LaunchLimits, LaunchObserver, Observer};
 use anyhit_engine::pipeline::group::{Group, HitGroup};
-use anyhit_engine::pipeline::{Compute, Launch, Pipeline, PipelineObserver, RayOperands, SbtRecord, Trapped};
+use anyhit_engine::pipeline::{
+    Compute, Launch, Pipeline, PipelineObserver, RayOperands, RunOptions, SbtRecord, Trapped,
+};
 use anyhit_engine::program::Program;
 
-/// Lanes of a batch.
-const LANES: usize = 64;
 /// Null records of each shader binding table.
 const RECORDS: usize = 1024;
 /// Bytes of a hit record whose address a shader takes.
@@ -76,20 +76,21 @@ impl Once<'_> {
     ///
     /// # Errors
     /// What the pipeline or the dispatch refuses.
-    pub(super) fn run<O: Observer<1> + Observer<LANES>>(
+    pub(super) fn run(
         &self,
         stand_in: &mut StandIn<'_>,
-        observer: &mut O,
+        observer: Option<&mut dyn LaunchObserver>,
     ) -> Result<Option<Box<Trapped>>> {
         let &Self { way, program, given, set, launch_size, fuel, limits } = self;
         if let Way::Dispatch = way {
             let compute = Compute::new(program.clone())?.fuel(fuel).launch_limits(limits);
             let groups = groups(&program.module, compute.workgroup_size(), !set.is_single);
-            if !<O as Observer<LANES>>::is_active() {
-                return Ok(compute.run_to_trap::<LANES>(&given.resources, groups, &|_| ())?.err());
-            }
             let mut event = |event| stand_in.event(event);
-            return Ok(compute.run_to_trap_observed(&given.resources, groups, &mut event, observer)?.err());
+            let ended = match observer {
+                None => compute.run_to_trap(&given.resources, groups, RunOptions::default())?,
+                Some(one) => compute.run_to_trap_observed(&given.resources, groups, &mut event, one)?,
+            };
+            return Ok(ended.err());
         }
         let mut builder = Pipeline::builder();
         builder = builder.fuel(fuel).launch_limits(limits);
@@ -128,15 +129,14 @@ impl Once<'_> {
             depth: 1,
             ..Invocation::default()
         };
-        let is_active = <O as Observer<LANES>>::is_active();
-        let observer = is_active.then_some(observer as &mut dyn Observer<LANES>);
+        let observer = observer.map(|observer| observer as &mut dyn Observer<64>);
         let stand_in = Some(stand_in as &mut dyn PipelineObserver);
         let ended = match way {
-            Way::Launch => launch.run_single_threaded::<LANES>(launch_size, stand_in, observer)?,
+            Way::Launch => launch.run_single_threaded(launch_size, stand_in, observer)?,
             Way::Box => {
                 let mut operands = RayOperands::from(hits::ray(set.behind));
                 (operands.trace.flags, operands.trace.cull_mask) = (place.ray_flags, place.cull_mask);
-                launch.trace_single::<LANES>(&hits::one_box(&place)?, operands, stand_in, observer)?
+                launch.trace_single(&hits::one_box(&place)?, operands, stand_in, observer)?
             }
             Way::Hit(kind) => {
                 let (hit, trace, t) = kind.hit(set.behind, &place)?;
@@ -145,17 +145,17 @@ impl Once<'_> {
                     (_, SmokeGeometry::Aabb) | (None, _) => given.attributes.clone(),
                     (Some(hit), _) => hit.candidate.intersection.attributes.map(f32::to_bits).to_vec(),
                 };
-                launch.invoke::<LANES>(shader, invocation, &given.payload, &attributes, stand_in, observer)?
+                launch.invoke(shader, invocation, &given.payload, &attributes, stand_in, observer)?
             }
             Way::Miss => {
                 let ray = Ray::new([0.25, 0.5, 3.0], [0.6, 0.0, 0.8]).with_interval(0.0, 1000.0);
                 let (flags, cull_mask) = (place.ray_flags, place.cull_mask);
                 let trace = TraceRay { ray, flags, cull_mask, time: 0.0 };
                 (invocation.trace, invocation.t_max) = (Some(trace), ray.t_max);
-                launch.invoke::<LANES>(shader, invocation, &given.payload, &[], stand_in, observer)?
+                launch.invoke(shader, invocation, &given.payload, &[], stand_in, observer)?
             }
             Way::Call | Way::Dispatch => {
-                launch.invoke::<LANES>(shader, invocation, &given.payload, &[], stand_in, observer)?
+                launch.invoke(shader, invocation, &given.payload, &[], stand_in, observer)?
             }
         };
         Ok(ended.err())

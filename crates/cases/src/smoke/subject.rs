@@ -13,11 +13,11 @@ use crate::smoke::learned::{Learned, UsedMemory};
 use crate::smoke::one_run::{Once, Way};
 use crate::smoke::resources::{self, Given};
 use crate::smoke::sets::Set;
-use crate::smoke::watch::{BlockRecorder, Happened, StandIn};
+use crate::smoke::watch::{Happened, OpRecorder, StandIn};
 use crate::smoke::{SmokeOptions, specialized};
 use anyhit_base::error::{ErrorKind, Result};
 use anyhit_base::sorted::SortedSet;
-use anyhit_engine::machine::LaunchLimits;
+use anyhit_engine::machine::{LaunchLimits, ShaderIndex};
 use anyhit_engine::module::Module;
 use anyhit_engine::module::dispatch_axes::{Grid, axes_read};
 use anyhit_engine::module::interface::{EntryPoint, InterfaceVariable, Stage};
@@ -25,6 +25,7 @@ use anyhit_engine::pipeline::{Compute, Trapped};
 use anyhit_engine::program::Program;
 use anyhit_sanitize::rule::image::SAMPLER_MATCH;
 use anyhit_sanitize::{Findings, Level, Levels, ProgramPlan, Sanitizer};
+use anyhit_unit_test::block_counts::BlockCounts;
 use anyhit_unit_test::blocks::Blocks;
 use anyhit_unit_test::side_by_side::unordered;
 
@@ -204,7 +205,7 @@ impl EntryUnderTest<'_> {
                 }
                 given => given?,
             };
-            let mut watch = BlockRecorder::new(program);
+            let (mut counts, mut ran) = (BlockCounts::default(), OpRecorder::new(program));
             let mut stand_in = StandIn::new(program, set.numbers);
             let fuel = self.options.fuel >> if learned.is_spent { LESS_FUEL } else { 0 };
             let limits = progress.launch_limits;
@@ -217,7 +218,7 @@ impl EntryUnderTest<'_> {
                 fuel,
                 limits,
             };
-            let trapped = run.run(&mut stand_in, &mut watch)?;
+            let trapped = run.run(&mut stand_in, Some(&mut (&mut counts, &mut ran)))?;
             learned.is_spent |= trapped.as_ref().is_some_and(|trap| trap.code.is_limit());
             let is_late = trapped.as_ref().is_some_and(|trap| trap.code.is_of_clock());
             if is_late {
@@ -226,7 +227,7 @@ impl EntryUnderTest<'_> {
             let happened = stand_in.happened;
             let rays = (happened.traces + happened.ray_queries).saturating_mul(FUEL_OF_A_RAY);
             let made = given.made.saturating_sub(FREE_BYTES) / BYTES_OF_AN_OPERATION;
-            progress.fuel = progress.fuel.saturating_sub(watch.spent + rays + made + FUEL_OF_A_RUN);
+            progress.fuel = progress.fuel.saturating_sub(ran.spent + rays + made + FUEL_OF_A_RUN);
             let is_last = match &trapped {
                 None => true,
                 Some(_) if is_late => true,
@@ -236,14 +237,15 @@ impl EntryUnderTest<'_> {
                 }
             };
             if is_last {
-                watch.add_to(&mut progress.blocks, &mut progress.executed);
+                progress.blocks.enter(program, &counts, ShaderIndex(0));
+                progress.executed.extend(ran.executed());
                 let sum = &mut progress.happened;
                 sum.traces += happened.traces;
                 sum.ray_queries += happened.ray_queries;
                 sum.any_hits += happened.any_hits;
                 sum.reports += happened.reports;
                 let mended = learned.mended.take().filter(|_| trapped.is_none());
-                return Ok((Try { set, trapped, passed: watch.passed(), mended }, values));
+                return Ok((Try { set, trapped, passed: ran.passed(), mended }, values));
             }
         }
     }
@@ -299,7 +301,7 @@ impl EntryUnderTest<'_> {
             fuel,
             limits,
         };
-        let trapped = run.run(&mut stand_in, &mut ())?;
+        let trapped = run.run(&mut stand_in, None)?;
         // The clock is no part of what a shader does.
         if trapped.as_ref().is_some_and(|trap| trap.code.is_of_clock()) {
             return Ok(());
@@ -382,7 +384,7 @@ impl EntryUnderTest<'_> {
                 limits: self.options.launch_limits,
             };
             let mut sanitizer = Sanitizer::new(&plans, &levels);
-            let trapped = run.run(&mut stand_in, &mut sanitizer)?;
+            let trapped = run.run(&mut stand_in, Some(&mut sanitizer))?;
             let has_ended = trapped.is_none();
             // Only what the optimizer eliminates traps here and nowhere else: it lacks the same
             // memory.

@@ -1,4 +1,4 @@
-//! Records the blocks that a run enters, and answers calls in place of missing shaders.
+//! Records the operations that a run executes, and answers calls in place of missing shaders.
 
 use std::collections::HashMap;
 
@@ -11,24 +11,21 @@ use anyhit_engine::ops::op::Op;
 use anyhit_engine::ops::{ray_query, ray_tracing};
 use anyhit_engine::pipeline::{Caller, Event, PipelineObserver};
 use anyhit_engine::program::Program;
-use anyhit_unit_test::block_counts::BlockCounts;
-use anyhit_unit_test::blocks::Blocks;
 
-/// Sees which blocks and operations of one program run.
-pub(super) struct BlockRecorder<'a> {
+/// Sees which operations of one program run.
+pub(super) struct OpRecorder<'a> {
     program: &'a Program,
-    counts: BlockCounts,
     executed: Vec<bool>,
     passed: Vec<bool>,
     /// Operations, counted once for all lanes of a batch.
     pub spent: u64,
 }
 
-impl<'a> BlockRecorder<'a> {
+impl<'a> OpRecorder<'a> {
     /// One that has seen nothing.
     pub(super) fn new(program: &'a Program) -> Self {
         let none = vec![false; program.ops.len()];
-        Self { program, counts: BlockCounts::default(), executed: none.clone(), passed: none, spent: 0 }
+        Self { program, executed: none.clone(), passed: none, spent: 0 }
     }
 
     /// The instructions that some lane executed and went on from, by their word offset.
@@ -36,10 +33,9 @@ impl<'a> BlockRecorder<'a> {
         self.offsets(&self.passed)
     }
 
-    /// Adds what was run to what has run before.
-    pub(super) fn add_to(&self, blocks: &mut Blocks, executed: &mut SortedSet<u32>) {
-        blocks.enter(self.program, &self.counts, ShaderIndex(0));
-        executed.extend(self.offsets(&self.executed));
+    /// The instructions that some lane executed, by their word offset.
+    pub(super) fn executed(&self) -> SortedSet<u32> {
+        self.offsets(&self.executed)
     }
 
     fn offsets(&self, ops: &[bool]) -> SortedSet<u32> {
@@ -48,9 +44,8 @@ impl<'a> BlockRecorder<'a> {
     }
 }
 
-impl<const W: usize> Observer<W> for BlockRecorder<'_> {
-    fn resumed(&mut self, shader: ShaderIndex, batch: &mut Batch<W>) {
-        self.counts.resumed(shader, batch);
+impl<const W: usize> Observer<W> for OpRecorder<'_> {
+    fn resumed(&mut self, _: ShaderIndex, batch: &mut Batch<W>) {
         // Behind a trace or call of which some lane came back.
         if let Some(last) = batch.op.previous()
             && !batch.mask.is_empty()
@@ -59,10 +54,6 @@ impl<const W: usize> Observer<W> for BlockRecorder<'_> {
         {
             self.passed[last.index()] = true;
         }
-    }
-
-    fn block(&mut self, batch: &Batch<W>) {
-        self.counts.block(batch);
     }
 
     fn before(&mut self, batch: &mut Batch<W>, op: OpIndex) -> bool {

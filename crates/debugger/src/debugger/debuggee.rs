@@ -136,12 +136,48 @@ pub trait Debuggee {
     fn trapped(&self) -> Option<&Error>;
 }
 
+/// A number of lanes that the debugger runs. It is compiled for each by itself, as are the pipeline
+/// and the sanitizer below.
+pub(super) trait DebuggedWidth<const W: usize>: Width<W> {
+    /// Runs an invocation of a launch, or a ray.
+    fn resume_launch(
+        launch: &mut SteppedLaunch<W>,
+        tracker: &mut Tracker<'_>,
+        on_event: &mut dyn FnMut(Event),
+    ) -> Resumed;
+
+    /// Runs an invocation of a dispatch.
+    fn resume_dispatch(dispatch: &mut SteppedDispatch<W>, tracker: &mut Tracker<'_>) -> Resumed;
+}
+
+macro_rules! debugged_widths {
+    ($($lanes:literal),*) => {$(
+        impl DebuggedWidth<$lanes> for LaneKernel {
+            fn resume_launch(
+                launch: &mut SteppedLaunch<$lanes>,
+                tracker: &mut Tracker<'_>,
+                on_event: &mut dyn FnMut(Event),
+            ) -> Resumed {
+                launch.resume(tracker, on_event)
+            }
+
+            fn resume_dispatch(
+                dispatch: &mut SteppedDispatch<$lanes>,
+                tracker: &mut Tracker<'_>,
+            ) -> Resumed {
+                dispatch.resume(tracker, &mut |_| ())
+            }
+        }
+    )*};
+}
+debugged_widths!(1, 64, 128);
+
 impl<const W: usize> Debuggee for SteppedLaunch<W>
 where
-    LaneKernel: Width<W>,
+    LaneKernel: DebuggedWidth<W>,
 {
     fn resume(&mut self, tracker: &mut Tracker<'_>, inbox: &RefCell<Vec<Event>>) -> Resumed {
-        let resumed = Self::resume(self, tracker, &mut |event| inbox.borrow_mut().push(event));
+        let resumed = LaneKernel::resume_launch(self, tracker, &mut |event| inbox.borrow_mut().push(event));
         tracker.take_events();
         resumed
     }
@@ -245,11 +281,11 @@ where
 
 impl<const W: usize> Debuggee for SteppedDispatch<W>
 where
-    LaneKernel: Width<W>,
+    LaneKernel: DebuggedWidth<W>,
 {
     fn resume(&mut self, tracker: &mut Tracker<'_>, inbox: &RefCell<Vec<Event>>) -> Resumed {
         // Events of ray queries are taken where they happen, as other invocations have some, too.
-        let resumed = Self::resume(self, tracker, &mut |_| ());
+        let resumed = LaneKernel::resume_dispatch(self, tracker);
         inbox.borrow_mut().clear();
         resumed
     }

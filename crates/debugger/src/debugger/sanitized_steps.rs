@@ -109,7 +109,7 @@ impl Sanitizing {
     }
 }
 
-impl SanitizedSteps<'_> {
+impl<'a> SanitizedSteps<'a> {
     fn borrowing<'b>(
         self,
         plans: &'b [ProgramPlan],
@@ -167,14 +167,20 @@ impl SanitizedSteps<'_> {
     }
 
     /// A shader begins to run, or goes on.
-    pub(super) fn resumed<const W: usize>(&mut self, shader: ShaderIndex, batch: &mut Batch<W>) {
+    pub(super) fn resumed<const W: usize>(&mut self, shader: ShaderIndex, batch: &mut Batch<W>)
+    where
+        Sanitizer<'a>: Observer<W>,
+    {
         if !std::mem::take(&mut self.is_paused) {
             self.sanitizer.resumed(shader, batch);
         }
     }
 
     /// A shader has stopped.
-    pub(super) fn stopped<const W: usize>(&mut self, shader: ShaderIndex, batch: &Batch<W>) {
+    pub(super) fn stopped<const W: usize>(&mut self, shader: ShaderIndex, batch: &Batch<W>)
+    where
+        Sanitizer<'a>: Observer<W>,
+    {
         if !self.is_paused {
             self.sanitizer.stopped(shader, batch);
         }

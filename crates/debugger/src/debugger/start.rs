@@ -6,13 +6,13 @@ use crate::session::{ExplainRequest, Session, SingleRun};
 use anyhit_base::error::Result;
 use anyhit_engine::accel::Tlas;
 use anyhit_engine::machine::Resources;
-use anyhit_engine::ops::lane_kernel::{LaneKernel, Width};
+use anyhit_engine::ops::lane_kernel::LaneKernel;
 use anyhit_engine::pipeline::{Company, Compute, Pipeline, SteppedDispatch, SteppedLaunch};
 use anyhit_explain::names::Names;
 use anyhit_explain::transcript::ShaderLabel;
 
 use super::Debugger;
-use super::debuggee::Debuggee;
+use super::debuggee::{DebuggedWidth, Debuggee};
 use super::memory_state::ChangingMemory;
 
 /// Invocations of a workgroup from which on those that are not followed share batches: of fewer,
@@ -157,7 +157,7 @@ fn of_invocation<const W: usize>(
     size: [u32; 3],
 ) -> Result<Box<dyn Debuggee>>
 where
-    LaneKernel: Width<W>,
+    LaneKernel: DebuggedWidth<W>,
 {
     Ok(Box::new(SteppedLaunch::<W>::of_invocation(pipeline.clone(), resources, id, size)?))
 }
@@ -179,7 +179,7 @@ fn of_invocation_of_group<const W: usize>(
     company: Company,
 ) -> Result<Box<dyn Debuggee>>
 where
-    LaneKernel: Width<W>,
+    LaneKernel: DebuggedWidth<W>,
 {
     Ok(Box::new(SteppedDispatch::<W>::new(compute, resources, groups, id, company)?))
 }

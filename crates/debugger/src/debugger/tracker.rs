@@ -7,6 +7,7 @@ use std::fmt;
 use anyhit_engine::machine::{Batch, Bindings, Observer, OpIndex, Reg, ShaderIndex};
 use anyhit_engine::ops::op::Op;
 use anyhit_engine::pipeline::Event;
+use anyhit_sanitize::Sanitizer;
 
 use super::condition::{Ran, StopConditions};
 use super::course::{ActiveShader, Course, FrameLine, Moment, Time};
@@ -279,7 +280,10 @@ fn work<const W: usize>(batch: &Batch<W>) -> u64 {
     batch.watch.as_ref().map_or(0, |watch| watch.spent())
 }
 
-impl<const W: usize> Observer<W> for Tracker<'_> {
+impl<'a, const W: usize> Observer<W> for Tracker<'a>
+where
+    Sanitizer<'a>: Observer<W>,
+{
     fn began(&mut self, shader: ShaderIndex, batch: &mut Batch<W>) {
         if let Some(sanitized) = &mut self.sanitized {
             sanitized.sanitizer.began(shader, batch);

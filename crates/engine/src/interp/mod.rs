@@ -6,4 +6,4 @@
 mod run;
 mod superop;
 
-pub use run::run;
+pub use run::{run, run_lane};

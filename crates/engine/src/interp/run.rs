@@ -12,7 +12,21 @@ use crate::program::{OptimizedCode, Program, Superblock, Terminator};
 /// report, a barrier.
 const STOP_COST: u32 = 64;
 
-/// Runs a batch until it stops.
+/// Runs a batch of one lane until it stops, under an observer if there is one.
+pub fn run_lane(
+    batch: &mut Batch<1>,
+    program: &Program,
+    bindings: &Bindings,
+    observer: Option<&mut dyn Observer<1>>,
+) -> Stop<1> {
+    match observer {
+        Some(mut observer) => run(batch, program, bindings, &mut observer),
+        None => run(batch, program, bindings, &mut ()),
+    }
+}
+
+/// Runs a batch until it stops. As a generic function, it is compiled in the crate that calls it:
+/// other crates than this one call [`run_lane`].
 pub fn run<const W: usize, O: Observer<W>>(
     batch: &mut Batch<W>,
     program: &Program,

@@ -75,9 +75,9 @@ impl<const W: usize> Observer<W> for () {
     }
 }
 
-/// Any observer, as a trait object: of all observers, the interpreter is compiled for this one
+/// Any observer that is borrowed. Of all observers the interpreter is compiled for trait objects
 /// only.
-impl<const W: usize> Observer<W> for &mut dyn Observer<W> {
+impl<const W: usize, O: Observer<W> + ?Sized> Observer<W> for &mut O {
     fn began(&mut self, shader: ShaderIndex, batch: &mut Batch<W>) {
         (**self).began(shader, batch);
     }
@@ -108,5 +108,52 @@ impl<const W: usize> Observer<W> for &mut dyn Observer<W> {
 
     fn edge(&mut self, block: BlockIndex, edge: u32, lanes: u32) {
         (**self).edge(block, edge, lanes);
+    }
+}
+
+/// Two observers, of which each is told of everything, the first one first.
+impl<const W: usize, A: Observer<W>, B: Observer<W>> Observer<W> for (A, B) {
+    fn is_active() -> bool {
+        A::is_active() || B::is_active()
+    }
+
+    fn began(&mut self, shader: ShaderIndex, batch: &mut Batch<W>) {
+        self.0.began(shader, batch);
+        self.1.began(shader, batch);
+    }
+
+    fn resumed(&mut self, shader: ShaderIndex, batch: &mut Batch<W>) {
+        self.0.resumed(shader, batch);
+        self.1.resumed(shader, batch);
+    }
+
+    fn stopped(&mut self, shader: ShaderIndex, batch: &Batch<W>) {
+        self.0.stopped(shader, batch);
+        self.1.stopped(shader, batch);
+    }
+
+    fn block(&mut self, batch: &Batch<W>) {
+        self.0.block(batch);
+        self.1.block(batch);
+    }
+
+    fn before(&mut self, batch: &mut Batch<W>, op: OpIndex) -> bool {
+        let pauses = self.0.before(batch, op);
+        self.1.before(batch, op) || pauses
+    }
+
+    fn after(&mut self, batch: &mut Batch<W>, bindings: &Bindings, op: OpIndex) {
+        self.0.after(batch, bindings, op);
+        self.1.after(batch, bindings, op);
+    }
+
+    fn terminator(&mut self, batch: &mut Batch<W>) -> bool {
+        let pauses = self.0.terminator(batch);
+        self.1.terminator(batch) || pauses
+    }
+
+    fn edge(&mut self, block: BlockIndex, edge: u32, lanes: u32) {
+        self.0.edge(block, edge, lanes);
+        self.1.edge(block, edge, lanes);
     }
 }

@@ -16,9 +16,9 @@ use crate::machine::image::{Image, Position};
 use crate::machine::{Binding, Descriptor};
 use crate::math::array;
 use crate::module::interface::Stage;
-use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::pipeline::launch::Launch;
 use crate::pipeline::order;
+use crate::pipeline::run_options::RunOptions;
 use crate::pipeline::stats::Stats;
 use crate::pipeline::threads::has_threads;
 use crate::program::Program;
@@ -224,32 +224,18 @@ impl BandedLaunch<'_> {
     }
 
     /// Runs the launch. Each band is passed to `sink` when it is rendered, from the image's top to
-    /// its bottom, while the next one is being rendered. `on_progress` receives how many more
-    /// invocations have ended.
+    /// its bottom, while the next one is being rendered.
     ///
     /// # Errors
     /// The trap of the lowest launch index, or the error that `sink` returns. Later bands are not
     /// passed on, and their invocations may not have run.
-    pub fn run<const W: usize>(
+    pub fn run(
         &self,
-        on_progress: &(dyn Fn(u64) + Sync),
-        mut sink: impl FnMut(Band<'_>) -> Result<()> + Send,
-    ) -> Result<Stats>
-    where
-        LaneKernel: Width<W>,
-    {
-        self.run_lanes(W, on_progress, &mut sink)
-    }
-
-    /// As [`BandedLaunch::run`], so many lanes at a time.
-    fn run_lanes(
-        &self,
-        lanes: usize,
-        on_progress: &(dyn Fn(u64) + Sync),
-        sink: &mut BandSink<'_>,
+        options: RunOptions<'_>,
+        sink: &mut (dyn FnMut(Band<'_>) -> Result<()> + Send),
     ) -> Result<Stats> {
         let [width, height] = self.size;
-        let dog = self.launch.watchdog(self.launch.invocation_count([width, height, 1])?);
+        let dog = self.launch.watchdog_of(self.launch.invocation_count([width, height, 1])?, options);
         let mut tasks = 0;
         let mut stats = Stats::default();
         let mut rendered: Option<Arc<Image>> = None;
@@ -271,12 +257,11 @@ impl BandedLaunch<'_> {
                 let positions =
                     array::map([launched.start, launched.end], |row| u64::from(row) * u64::from(width));
                 launch.run_positions(
-                    lanes,
                     [width, height, 1],
                     positions[0]..positions[1],
                     &dog,
                     &mut tasks,
-                    on_progress,
+                    options,
                 )
             };
             let (emitted, outcome) = match rendered.take() {
@@ -309,6 +294,3 @@ impl BandedLaunch<'_> {
         Error::new(ErrorKind::InvalidArgument, message)
     }
 }
-
-/// What is done with each band.
-type BandSink<'a> = dyn FnMut(Band<'_>) -> Result<()> + Send + 'a;

@@ -14,6 +14,7 @@ use crate::math::array;
 use crate::math::permutation::Permutation;
 use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::pipeline::order::{GroupOrder, OrderMatters};
+use crate::pipeline::run_options::{BatchWidth, RunOptions};
 use crate::pipeline::single_shader::Ended;
 use crate::pipeline::stats::Stats;
 use crate::pipeline::tasks::{TaskQueue, TaskResults};
@@ -160,13 +161,6 @@ impl Compute {
         Self { fuel: instructions, ..self }
     }
 
-    /// The old name of [`Compute::fuel`].
-    #[must_use]
-    #[deprecated = "call `fuel`"]
-    pub fn budget(self, instructions: u64) -> Self {
-        self.fuel(instructions)
-    }
-
     /// Sets `SubgroupSize`: a power of two from 1 to 128.
     ///
     /// # Errors
@@ -190,25 +184,16 @@ impl Compute {
     /// # Errors
     /// As [`Compute::run`].
     pub fn dispatch(&self, resources: &Resources, groups: [u32; 3]) -> Result<Stats> {
-        self.run::<64>(resources, groups, &|_| ())
+        self.run(resources, groups, RunOptions::default())
     }
 
-    /// Runs `groups` workgroups, W lanes at a time, on all threads; `on_progress` receives how many
-    /// more invocations have ended. The results depend neither on W nor on the number of threads.
+    /// Runs `groups` workgroups.
     ///
     /// # Errors
     /// `InvalidArgument` for more invocations than can be numbered; the trap of the first workgroup
     /// that has one, and in it of the lowest `LocalInvocationIndex`.
-    pub fn run<const W: usize>(
-        &self,
-        resources: &Resources,
-        groups: [u32; 3],
-        on_progress: &(dyn Fn(u64) + Sync),
-    ) -> Result<Stats>
-    where
-        LaneKernel: Width<W>,
-    {
-        self.run_to_trap::<W>(resources, groups, on_progress)?.map_err(|trapped| trapped.error)
+    pub fn run(&self, resources: &Resources, groups: [u32; 3], options: RunOptions<'_>) -> Result<Stats> {
+        self.run_to_trap(resources, groups, options)?.map_err(|trapped| trapped.error)
     }
 
     /// Runs as [`Compute::run`] does under observers: in the order of the workgroups, on one
@@ -242,7 +227,7 @@ impl Compute {
         self.check_size(groups)?;
         let uses_subgroups = self.program.uses_subgroups;
         if uses_subgroups && self.subgroup_size > 64 {
-            return self.run_to_trap::<64>(resources, groups, &|_| ());
+            return self.run_to_trap(resources, groups, RunOptions::default());
         }
         let groups_of = groups;
         let bindings = resources.bindings(self.program.bindings());
@@ -302,25 +287,11 @@ impl Compute {
     ///
     /// # Errors
     /// `InvalidArgument` for more invocations than can be numbered.
-    pub fn run_to_trap<const W: usize>(
+    pub fn run_to_trap(
         &self,
         resources: &Resources,
         groups: [u32; 3],
-        on_progress: &(dyn Fn(u64) + Sync),
-    ) -> Result<Ended>
-    where
-        LaneKernel: Width<W>,
-    {
-        self.run_lanes(W, resources, groups, on_progress)
-    }
-
-    /// As [`Compute::run_to_trap`], so many lanes at a time where that is free.
-    fn run_lanes(
-        &self,
-        lanes: usize,
-        resources: &Resources,
-        groups: [u32; 3],
-        on_progress: &(dyn Fn(u64) + Sync),
+        options: RunOptions<'_>,
     ) -> Result<Ended> {
         self.check_size(groups)?;
         let count = groups.iter().map(|&side| u64::from(side)).product::<u64>();
@@ -330,13 +301,14 @@ impl Compute {
         let shares = self.shared_memory(groups, resources).is_some();
         let order = resources.choices.as_deref().map(|choices| self.draw_order(choices, count, shares));
         let order = order.unwrap_or_default();
+        let limits = options.limits.unwrap_or(self.launch_limits);
         // Launch fuel is spent in the order of workgroups.
         let is_free = !self.program.uses_subgroups
             && !self.program.order_dependent
             && !shares
             && !self.mixes_atomics
             && resources.choices.is_none()
-            && self.launch_limits.fuel.is_none();
+            && limits.fuel.is_none();
         let group_order = match is_free {
             true => GroupOrder::by_tiles(groups, self.layout.size),
             false => GroupOrder::by_index(groups),
@@ -345,8 +317,8 @@ impl Compute {
             subgroup_size: self.program.uses_subgroups.then_some(self.subgroup_size),
             is_shared: shares || self.mixes_atomics,
         };
-        let lanes = matters.lanes(self.program.order_dependent || order.one_by_one, lanes);
-        let watchdog = &Watchdog::new(self.launch_limits, count.saturating_mul(self.group_size()));
+        let width = matters.width(self.program.order_dependent || order.one_by_one, options.width);
+        let watchdog = &Watchdog::new(limits, count.saturating_mul(self.group_size()));
         let (bindings, tasks) = (&bindings, &tasks);
         let work = DispatchTasks {
             bindings,
@@ -358,14 +330,14 @@ impl Compute {
             group_order,
             drawn: order,
             is_free,
-            on_progress,
+            on_progress: options.on_progress,
         };
-        let worker = || match lanes {
-            1 => self.run_tasks::<1>(&work),
-            64 => self.run_tasks::<64>(&work),
-            _ => self.run_tasks::<128>(&work),
+        let worker = || match width {
+            BatchWidth::One => self.run_tasks::<1>(&work),
+            BatchWidth::Of64 => self.run_tasks::<64>(&work),
+            BatchWidth::Of128 => self.run_tasks::<128>(&work),
         };
-        Ok(tasks.run(self.program.order_dependent || shares, &worker))
+        Ok(tasks.run(options.most_threads(self.program.order_dependent || shares), &worker))
     }
 
     /// The loop of a worker thread: runs tasks until the queue is empty.

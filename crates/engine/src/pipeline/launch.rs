@@ -12,6 +12,7 @@ use crate::pipeline::Pipeline;
 use crate::pipeline::host_ray::{RayOperands, RayOutcome, ShadowWord};
 use crate::pipeline::observer::{OnlyInvocation, PipelineObserver};
 use crate::pipeline::order::{InvocationOrder, OrderMatters};
+use crate::pipeline::run_options::{BatchWidth, RunOptions};
 use crate::pipeline::sbt::SbtRecord;
 use crate::pipeline::stack::{Stack, bindings};
 use crate::pipeline::stats::Stats;
@@ -40,36 +41,27 @@ pub(super) fn task_size(count: u64) -> u64 {
 pub(super) const MAX_SINGLE_THREADED: u64 = 1024;
 
 impl Launch<'_> {
-    /// Runs the ray generation shader over a grid, W lanes at a time, on all threads; `on_progress`
-    /// receives how many more invocations have ended.
+    /// Runs the ray generation shader over a grid.
     ///
     /// # Errors
     /// The trap of the lowest launch index. The other invocations have run nevertheless, but where
     /// a limit stopped one: then those behind it are stopped, too, and what they have left behind
     /// depends on the width.
-    pub fn run<const W: usize>(&self, size: [u32; 3], on_progress: &(dyn Fn(u64) + Sync)) -> Result<Stats>
-    where
-        LaneKernel: Width<W>,
-    {
+    pub fn run(&self, size: [u32; 3], options: RunOptions<'_>) -> Result<Stats> {
         let count = self.invocation_count(size)?;
-        self.run_positions(W, size, 0..count, &self.watchdog(count), &mut 0, on_progress)
+        self.run_positions(size, 0..count, &self.watchdog_of(count, options), &mut 0, options)
     }
 
-    /// Runs the invocations at a range of positions in a launch's order, so many lanes at a time
-    /// where that is free. The range starts at a multiple of the widest batch. The watchdog is that
-    /// of the whole launch; its tasks are numbered on from one range to the next: `first_task` is
-    /// the number of this range's first.
-    ///
-    /// The number of lanes is no parameter of its type: a generic function is compiled once more,
-    /// with all that it calls, in each crate that calls it.
+    /// Runs the invocations at a range of positions in a launch's order. The range starts at a
+    /// multiple of the widest batch. The watchdog is that of the whole launch; its tasks are
+    /// numbered on from one range to the next: `first_task` is the number of this range's first.
     pub(super) fn run_positions(
         &self,
-        lanes: usize,
         size: [u32; 3],
         positions: Range<u64>,
         watchdog: &Arc<Watchdog>,
         first_task: &mut u64,
-        on_progress: &(dyn Fn(u64) + Sync),
+        options: RunOptions<'_>,
     ) -> Result<Stats> {
         let record = self.ray_generation()?;
         let bindings = bindings(self.pipeline, self.resources);
@@ -98,17 +90,17 @@ impl Launch<'_> {
             tasks: &tasks,
             positions,
             task_size,
-            on_progress,
+            on_progress: options.on_progress,
             watchdog,
             first_task: *first_task,
         };
         *first_task += task_count;
-        let worker = || match matters.lanes(one_by_one, lanes) {
-            1 => self.run_tasks::<1>(&work),
-            64 => self.run_tasks::<64>(&work),
-            _ => self.run_tasks::<128>(&work),
+        let worker = || match matters.width(one_by_one, options.width) {
+            BatchWidth::One => self.run_tasks::<1>(&work),
+            BatchWidth::Of64 => self.run_tasks::<64>(&work),
+            BatchWidth::Of128 => self.run_tasks::<128>(&work),
         };
-        tasks.run(single_threaded || is_small, &worker).map_err(|trapped| trapped.error)
+        tasks.run(options.most_threads(single_threaded || is_small), &worker).map_err(|trapped| trapped.error)
     }
 
     /// The loop of a worker thread: runs tasks until the queue is empty.
@@ -152,6 +144,11 @@ impl Launch<'_> {
         let numbered = |trapped: Trapped| (work.order.linear_index(trapped.launch_id), trapped);
         let own = TaskResults { stats: stack.stats, trapped: stack.trapped.map(numbered) };
         own.merge(TaskResults { stats: Stats::default(), trapped: together.map(numbered) })
+    }
+
+    /// The watchdog of a launch of so many invocations, which may have limits of its own.
+    pub(super) fn watchdog_of(&self, invocations: u64, options: RunOptions<'_>) -> Arc<Watchdog> {
+        Watchdog::new(options.limits.unwrap_or(self.pipeline.launch_limits), invocations)
     }
 
     /// The watchdog of a launch of so many invocations.

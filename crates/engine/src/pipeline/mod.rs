@@ -20,6 +20,7 @@ mod opaque_batch;
 mod order;
 mod payload;
 mod report;
+mod run_options;
 pub mod sbt;
 mod single_shader;
 pub mod stack;
@@ -55,6 +56,7 @@ pub use host_scene::HostScene;
 pub use launch::Launch;
 pub use observer::{Caller, Event, PipelineObserver};
 pub use payload::{describe_with_members, source_file};
+pub use run_options::{BatchWidth, RunOptions};
 pub use sbt::{Sbt, SbtRecord};
 pub use stats::{Elided, ShaderStats, Stats};
 pub use stepping::{ActiveShader, LaunchState, Resumed, SteppedLaunch};
@@ -399,14 +401,6 @@ impl PipelineBuilder {
     pub fn fuel(mut self, instructions: u64) -> Self {
         self.fuel = Some(instructions);
         self
-    }
-
-    /// The old name of [`PipelineBuilder::fuel`].
-    #[doc(hidden)]
-    #[deprecated = "call `fuel`"]
-    #[must_use]
-    pub fn budget(self, instructions: u64) -> Self {
-        self.fuel(instructions)
     }
 
     /// Sets `SubgroupSize`: a power of two from 1 to 128.

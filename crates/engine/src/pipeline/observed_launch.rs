@@ -8,6 +8,7 @@ use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::pipeline::launch::{Launch, MAX_SINGLE_THREADED, task_size};
 use crate::pipeline::observer::PipelineObserver;
 use crate::pipeline::order::InvocationOrder;
+use crate::pipeline::run_options::RunOptions;
 use crate::pipeline::sbt::SbtRecord;
 use crate::pipeline::stack::{Stack, bindings};
 use crate::pipeline::stats::Stats;
@@ -61,7 +62,7 @@ impl Launch<'_> {
         pipeline_observer: &mut dyn PipelineObserver,
         observer: &mut dyn LaunchObserver,
     ) -> Result<Stats> {
-        let Some(work) = self.observed(size)? else { return self.run::<64>(size, &|_| ()) };
+        let Some(work) = self.observed(size)? else { return self.run(size, RunOptions::default()) };
         let (dog, watch) = (&work.watchdog, work.watchdog.watch());
         let mut stats = Stats::default();
         for task in 0..work.tasks() {
@@ -94,7 +95,7 @@ impl Launch<'_> {
         size: [u32; 3],
         observe: &(dyn Fn(Range<u64>, &mut ObservedTask<'_>) + Sync),
     ) -> Result<Stats> {
-        let Some(work) = self.observed(size)? else { return self.run::<64>(size, &|_| ()) };
+        let Some(work) = self.observed(size)? else { return self.run(size, RunOptions::default()) };
         let (dog, tasks) = (&work.watchdog, TaskQueue::new(work.tasks()));
         let stop = |trapped: Trapped| {
             let number = work.order.linear_index(trapped.launch_id);
@@ -128,7 +129,8 @@ impl Launch<'_> {
             }
             results
         };
-        tasks.run(!self.may_use_threads(size, work.count), &worker).map_err(|trapped| trapped.error)
+        let threads = RunOptions::default().most_threads(!self.may_use_threads(size, work.count));
+        tasks.run(threads, &worker).map_err(|trapped| trapped.error)
     }
 
     /// Returns whether [`Launch::run_observed_on_threads`] uses several threads. No invocation then

@@ -5,6 +5,7 @@ use std::ops::Range;
 use crate::machine::{ChoiceKind, OpenChoices, OrderPart};
 use crate::math::array;
 use crate::math::permutation::Permutation;
+use crate::pipeline::run_options::BatchWidth;
 
 /// The width and height of a tile.
 pub(super) const TILE_SIDE: u64 = 8;
@@ -31,12 +32,12 @@ impl OrderMatters {
     /// How many invocations run together, so that results do not depend on the number asked for: a
     /// batch holds whole subgroups, whose size divides its width, and invocations that depend on
     /// each other run one after the other or 64 at a time.
-    pub(super) fn lanes(self, one_by_one: bool, asked: usize) -> usize {
+    pub(super) fn width(self, one_by_one: bool, asked: BatchWidth) -> BatchWidth {
         match self.subgroup_size {
-            Some(..=64) => 64,
-            Some(_) => 128,
-            None if one_by_one => 1,
-            None if self.is_shared => 64,
+            Some(..=64) => BatchWidth::Of64,
+            Some(_) => BatchWidth::Of128,
+            None if one_by_one => BatchWidth::One,
+            None if self.is_shared => BatchWidth::Of64,
             None => asked,
         }
     }

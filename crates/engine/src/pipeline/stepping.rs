@@ -127,9 +127,7 @@ where
         }
     }
 
-    /// Runs from where it stands until the observer pauses it or everything has run. Events are
-    /// those of the one invocation or ray.
-    pub fn resume(&mut self, observer: &mut dyn Observer<W>, on_event: &mut dyn FnMut(Event)) -> Resumed {
+    fn run_on(&mut self, observer: &mut dyn Observer<W>, on_event: &mut dyn FnMut(Event)) -> Resumed {
         let launch_id = match &self.subject {
             Subject::Invocations { launch_id, .. } if W > 1 => Some(*launch_id),
             _ => None,
@@ -239,6 +237,25 @@ where
         None
     }
 }
+
+/// Functions for each number of lanes: a generic one would be compiled with the whole pipeline once
+/// more in each crate that calls it.
+macro_rules! resume {
+    ($($lanes:literal),*) => {$(
+        impl SteppedLaunch<$lanes> {
+            /// Runs from where it stands until the observer pauses it or everything has run. Events
+            /// are those of the one invocation or ray.
+            pub fn resume(
+                &mut self,
+                observer: &mut dyn Observer<$lanes>,
+                on_event: &mut dyn FnMut(Event),
+            ) -> Resumed {
+                self.run_on(observer, on_event)
+            }
+        }
+    )*};
+}
+resume!(1, 64, 128);
 
 /// Passes on the events of one invocation, traversals of rays and ray queries included.
 struct EventsOf<'a> {

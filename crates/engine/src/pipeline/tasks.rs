@@ -61,19 +61,21 @@ impl TaskQueue {
         self.lowest_trap.fetch_min(number, Relaxed);
     }
 
-    /// Runs the worker on this thread only, or on the threads of the pool. Returns the summed
-    /// counts, or the trap with the lowest number.
+    /// Runs the worker on this thread only, or on at most so many threads of the pool. Returns the
+    /// summed counts, or the trap with the lowest number.
     ///
     /// The worker is called through a pointer: rayon would be instantiated for each type of worker.
     pub(super) fn run(
         &self,
-        single_threaded: bool,
+        threads: usize,
         worker: &(dyn Fn() -> TaskResults + Sync),
     ) -> Result<Stats, Box<Trapped>> {
         // A single task runs here: starting threads would take longer.
-        let results = match single_threaded || self.count <= 1 || !has_threads() {
+        let results = match threads <= 1 || self.count <= 1 || !has_threads() {
             true => worker(),
-            false => self.on_threads(worker).into_iter().fold(TaskResults::default(), TaskResults::merge),
+            false => {
+                self.on_threads(threads, worker).into_iter().fold(TaskResults::default(), TaskResults::merge)
+            }
         };
         match results.trapped {
             Some((_, trapped)) => Err(Box::new(trapped)),
@@ -81,10 +83,10 @@ impl TaskQueue {
         }
     }
 
-    /// Runs the worker on threads of the pool, at most one for each task, and returns their
-    /// results. Each works until [`TaskQueue::iter`] is empty.
-    fn on_threads(&self, worker: &(dyn Fn() -> TaskResults + Sync)) -> Vec<TaskResults> {
-        let threads = (rayon::current_num_threads() as u64).min(self.count) as usize;
+    /// Runs the worker on at most so many threads of the pool, at most one for each task, and
+    /// returns their results. Each works until [`TaskQueue::iter`] is empty.
+    fn on_threads(&self, most: usize, worker: &(dyn Fn() -> TaskResults + Sync)) -> Vec<TaskResults> {
+        let threads = (rayon::current_num_threads().min(most) as u64).min(self.count) as usize;
         (0..threads).into_par_iter().with_max_len(1).map(|_| worker()).collect()
     }
 }
@@ -108,7 +110,7 @@ mod tests {
             offset: 0,
             error: Error::new(ErrorKind::Trap, "a trap"),
         };
-        for (threads, single_threaded) in [(1, true), (1, false), (3, false)] {
+        for (threads, most) in [(1, 1), (1, usize::MAX), (3, usize::MAX), (3, 2)] {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             let tasks = TaskQueue::new(100);
             let done = |task| TaskResults { trapped: Some((task, trapped(task))), ..TaskResults::default() };
@@ -117,16 +119,15 @@ mod tests {
                 let own: Vec<u64> = tasks.iter().filter(|task| task % 7 == 6).collect();
                 own.into_iter().rev().map(done).fold(TaskResults::default(), TaskResults::merge)
             };
-            let trapped =
-                pool.install(|| tasks.run(single_threaded, &worker)).expect_err("every seventh task traps");
+            let trapped = pool.install(|| tasks.run(most, &worker)).expect_err("every seventh task traps");
             assert_eq!(trapped.launch_id, [6, 0, 0]);
         }
     }
 
     #[test]
     fn every_task_is_done_once_and_each_worker_goes_up() {
-        for (threads, count) in [(1, 5), (3, 1000), (4, 2), (2, 0)] {
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        for (pool, threads, count) in [(1, 1, 5), (3, 3, 1000), (4, 4, 2), (2, 2, 0), (4, 2, 1000)] {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(pool).build().unwrap();
             let tasks = TaskQueue::new(count);
             let done = Mutex::new(Vec::new());
             let worker = || {
@@ -134,7 +135,7 @@ mod tests {
                 done.lock().unwrap().push(own);
                 TaskResults::default()
             };
-            let workers = pool.install(|| tasks.on_threads(&worker)).len();
+            let workers = pool.install(|| tasks.on_threads(threads, &worker)).len();
             let done = done.into_inner().unwrap();
             assert!(workers <= threads && workers == done.len(), "{done:?}");
             assert!(done.iter().all(|own| own.is_sorted()), "{done:?}");

@@ -2,10 +2,8 @@
 
 use std::cell::{Cell, RefCell};
 
-use crate::read::Span;
 use crate::read::recorder::RequestRecorder;
 use anyhit_base::error::{Error, Result};
-use anyhit_base::escape;
 use anyhit_base::input::{InputLimit, InputLimits};
 
 /// The mistakes found while a file is read, and notes for its author. The first are kept, as many
@@ -73,17 +71,6 @@ impl Diagnostics {
         if self.notes.borrow().len() < self.most() {
             self.notes.borrow_mut().push(note);
         }
-    }
-
-    /// Notes that a file uses an old name, which is still accepted.
-    pub(super) fn renamed(&self, span: &Span, old: &str, new: &str) {
-        let Span { source, range } = span;
-        let line = source.text[..range.start].matches('\n').count() + 1;
-        let note = format!(
-            "{}:{line}: `{old}` is now called `{new}`; the old name still works",
-            escape::path(&source.path)
-        );
-        self.note(note);
     }
 
     /// Removes and returns the notes, a line of text each.

@@ -10,7 +10,7 @@ use anyhit_base::escape;
 
 impl<T: Named> Parse for T {
     fn parse(value: TomlValue<'_>) -> Option<Self> {
-        let at = name_in(value, T::WHAT, &names_of::<T>(), T::RENAMED)?;
+        let at = name_in(value, T::WHAT, &names_of::<T>())?;
         Some(T::NAMES[at].1)
     }
 
@@ -29,20 +29,11 @@ pub(super) fn names_of<T: Named>() -> Vec<&'static str> {
 }
 
 /// Reads a name; returns its place among those that are known.
-fn name_in(
-    value: TomlValue<'_>,
-    what: &str,
-    names: &[&'static str],
-    renamed: &[(&'static str, &'static str)],
-) -> Option<usize> {
+fn name_in(value: TomlValue<'_>, what: &str, names: &[&'static str]) -> Option<usize> {
     if let Some(recorder) = value.report.recorder() {
         recorder.names(value.node.range(), names);
     }
-    let Some(mut name) = value.text() else { return value.expected(&format!("a string ({what})")) };
-    if let Some((old, new)) = renamed.iter().find(|(old, _)| *old == name) {
-        value.report.renamed(&value.span(), old, new);
-        name = new;
-    }
+    let Some(name) = value.text() else { return value.expected(&format!("a string ({what})")) };
     if let Some(at) = names.iter().position(|known| *known == name) {
         return Some(at);
     }

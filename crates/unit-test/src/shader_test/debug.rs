@@ -46,7 +46,7 @@ impl ShaderTest {
         let resources = memory::copied(&test.given_resources()?);
         let bindings = resources.bindings(test.program.bindings());
         let (state, pipeline) =
-            (State::Begins(Box::new(test.begin(&mut ())?)), Arc::new(Pipeline::of_shader(&test.program)));
+            (State::Begins(Box::new(test.begin(None)?)), Arc::new(Pipeline::of_shader(&test.program)));
         let debuggee = SteppedTest { test, bindings, state };
         transcript(Debugger::with(Box::new(debuggee), pipeline, &resources), commands)
     }
@@ -78,10 +78,15 @@ impl SteppedTest {
 
     /// Runs to the next pause, or to the end, which may be an error.
     fn run(&self, running: &mut RunningTest, tracker: &mut Tracker<'_>) -> Result<Resumed> {
-        let mut observer: &mut dyn Observer<1> = tracker;
+        let observer: &mut dyn Observer<1> = tracker;
         loop {
             observer.resumed(ShaderIndex(0), &mut running.batch);
-            let stop = interp::run(&mut running.batch, &self.test.program, &self.bindings, &mut observer);
+            let stop = interp::run_lane(
+                &mut running.batch,
+                &self.test.program,
+                &self.bindings,
+                Some(&mut *observer),
+            );
             match stop {
                 Stop::Paused => return Ok(Resumed::Paused),
                 Stop::Done => {

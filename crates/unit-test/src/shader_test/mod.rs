@@ -326,14 +326,6 @@ impl ShaderTest {
         Self { launch_limits: limits, ..self }
     }
 
-    /// The old name of [`ShaderTest::fuel`].
-    #[doc(hidden)]
-    #[must_use]
-    #[deprecated = "call `fuel`"]
-    pub fn budget(self, instructions: u64) -> Self {
-        self.fuel(instructions)
-    }
-
     /// Keeps the first mistake.
     fn mistaken(mut self, error: Error) -> Self {
         self.mistake.get_or_insert(error);

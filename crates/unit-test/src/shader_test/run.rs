@@ -21,6 +21,11 @@ use anyhit_engine::ops::translate::InterfaceRegisters;
 use anyhit_engine::pipeline::WrittenMemory;
 use anyhit_engine::pipeline::{Event, trap_error, with_limit};
 
+/// An observer, borrowed for a shorter time.
+fn again<'a>(observer: &'a mut Option<&mut dyn Observer<1>>) -> Option<&'a mut dyn Observer<1>> {
+    observer.as_mut().map(|one| &mut **one as &mut dyn Observer<1>)
+}
+
 impl ShaderTest {
     /// Runs the shader once. What it writes is in the outcome; the test does not change, so that it
     /// can be run again. Buffers and images that the shader cannot write are not copied.
@@ -32,25 +37,25 @@ impl ShaderTest {
     /// the ray misses, where the shader traces or calls and nothing answers, and where it takes
     /// fewer answers than are listed; what an answer returns.
     pub fn run(&self) -> Result<ShaderOutcome> {
-        self.run_observed(&mut ())
+        self.run_observed(None)
     }
 
-    pub(crate) fn run_observed<O: Observer<1>>(&self, observer: &mut O) -> Result<ShaderOutcome> {
+    pub(crate) fn run_observed(&self, mut observer: Option<&mut dyn Observer<1>>) -> Result<ShaderOutcome> {
         let given = self.given_resources()?;
         let resources = WrittenMemory::of([&self.program], &given).own(given);
         let program = &*self.program;
         let bindings = resources.bindings(program.bindings());
-        let mut running = self.begin(observer)?;
+        let mut running = self.begin(again(&mut observer))?;
         let watch = Watchdog::new(self.launch_limits, 1).watch();
         watch.begin_task(1);
         watch.begin_batch();
         running.batch.watch = Some(watch.clone());
         loop {
-            if O::is_active() {
+            if let Some(observer) = &mut observer {
                 observer.resumed(ShaderIndex(0), &mut running.batch);
             }
-            let stop = interp::run(&mut running.batch, program, &bindings, observer);
-            if O::is_active() {
+            let stop = interp::run_lane(&mut running.batch, program, &bindings, again(&mut observer));
+            if let Some(observer) = &mut observer {
                 observer.stopped(ShaderIndex(0), &running.batch);
             }
             if let Stop::Done = stop {
@@ -90,13 +95,13 @@ impl ShaderTest {
     }
 
     /// The invocation before its first instruction.
-    pub(super) fn begin<O: Observer<1>>(&self, observer: &mut O) -> Result<RunningTest> {
+    pub(super) fn begin(&self, observer: Option<&mut dyn Observer<1>>) -> Result<RunningTest> {
         let program = &*self.program;
         let (invocation, attributes) = self.invocation()?;
         let mut batch: Batch<1> = program.batch();
         batch.invocations.set(0, invocation);
         program.begin(&mut batch, Mask::ALL, self.fuel);
-        if O::is_active() {
+        if let Some(observer) = observer {
             observer.began(ShaderIndex(0), &mut batch);
         }
         self.override_builtins(&mut batch);

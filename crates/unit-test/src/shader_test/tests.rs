@@ -302,15 +302,3 @@ fn hit_objects_that_nothing_answers_leave_the_payload() {
     let error = test.run().unwrap_err().render();
     assert!(error.contains("the shader makes execution 1, but there are only 0 answers"), "{error}");
 }
-
-#[test]
-#[allow(deprecated)]
-fn the_old_name_of_fuel_is_accepted() {
-    use anyhit_engine::pipeline::{Compute, Pipeline};
-    use anyhit_engine::program::Program;
-
-    assert_eq!(sphere().budget(7).fuel, 7);
-    let program = Program::of(&fixture("compute/prefix-sum/main.comp.spv"), "main").unwrap();
-    assert_eq!(Compute::new(program).unwrap().budget(7).fuel, 7);
-    assert_eq!(Pipeline::builder().budget(7).build().unwrap().fuel, 7);
-}

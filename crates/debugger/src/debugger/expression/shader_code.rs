@@ -74,7 +74,7 @@ pub(super) fn run(
     let program = lower_with(&module, &module.entry_points[0], options)?;
     let mut batch: Batch<1> = program.batch();
     program.begin(&mut batch, Mask::ALL, FUEL);
-    interp::run(&mut batch, &program, &Bindings::default(), &mut ());
+    interp::run_lane(&mut batch, &program, &Bindings::default(), None);
     let registers = match program.id_values.find(0, Id(result)) {
         Some(IdValue::Words(registers)) if batch.exits[0] == Exit::Returned => registers,
         _ => unreachable!("bug in anyhit: an instruction without a result"),

@@ -77,9 +77,7 @@ where
         Ok(Self { compute, bindings, group, id, watch, place, company, state: None, ended: false })
     }
 
-    /// Runs from where it stands until the observer pauses it or the whole workgroup has run.
-    /// Events are those of the ray queries of the batch that runs; they name their lanes.
-    pub fn resume(&mut self, observer: &mut dyn Observer<W>, on_event: &mut dyn FnMut(Event)) -> Resumed {
+    fn run_on(&mut self, observer: &mut dyn Observer<W>, on_event: &mut dyn FnMut(Event)) -> Resumed {
         if self.ended {
             return Resumed::Ended;
         }
@@ -162,3 +160,22 @@ where
         self.state.as_mut().filter(|_| !self.ended)?.current_mut()
     }
 }
+
+/// As those of [`SteppedLaunch`](crate::pipeline::SteppedLaunch).
+macro_rules! resume {
+    ($($lanes:literal),*) => {$(
+        impl SteppedDispatch<$lanes> {
+            /// Runs from where it stands until the observer pauses it or the whole workgroup has
+            /// run. Events are those of the ray queries of the batch that runs; they name their
+            /// lanes.
+            pub fn resume(
+                &mut self,
+                observer: &mut dyn Observer<$lanes>,
+                on_event: &mut dyn FnMut(Event),
+            ) -> Resumed {
+                self.run_on(observer, on_event)
+            }
+        }
+    )*};
+}
+resume!(1, 64, 128);
