@@ -12,8 +12,7 @@ use crate::rule::{Level, traversal};
 use anyhit_base::error::{Error, ErrorKind};
 use anyhit_engine::machine::{OpIndex, REGISTER_POINTER, Reg, ShaderIndex};
 use anyhit_engine::module::interface::Stage;
-use anyhit_engine::ops::access::Access;
-use anyhit_engine::ops::memory::MemoryOp;
+use anyhit_engine::ops::access::{Access, ComputedRegisters};
 use anyhit_engine::ops::op::Op;
 use anyhit_engine::ops::pointer::storage;
 use anyhit_engine::ops::translate::InterfaceRegisters;
@@ -102,10 +101,7 @@ impl PassedData {
 /// Another variable of the same storage class and type that the shader reads and never passes.
 fn unpassed_namesake<'a>(program: &'a Program, passed: &InterfaceRegisters) -> Option<&'a str> {
     let is_passed = |variable: &InterfaceRegisters| {
-        program.ops.iter().any(|op| match op {
-            Op::Stop(stop) => stop.payload_span().is_some_and(|span| span.first == variable.first),
-            _ => false,
-        })
+        program.ops.iter().any(|op| op.payload_span().is_some_and(|span| span.first == variable.first))
     };
     let alike = |other: &&InterfaceRegisters| {
         other.storage_class == passed.storage_class
@@ -130,18 +126,16 @@ fn incoming(program: &Program) -> Option<&InterfaceRegisters> {
 fn is_written(program: &Program, variable: &InterfaceRegisters) -> bool {
     let own = variable.first.0..variable.first.0 + variable.count;
     let is_own = |first: Reg, count: u32| first.0 < own.end && own.start < first.0.saturating_add(count);
-    program.ops.iter().filter(|op| !matches!(op, Op::Stop(_))).any(|op| {
+    let may_write = |op: &&Op| !op.calls_pipeline() && op.undefines().is_none();
+    program.ops.iter().filter(may_write).any(|op| {
         let mut writes = false;
-        if let Op::Memory(MemoryOp::Undefine { .. }) = op {
-            return false;
-        }
         op.accesses(|access| {
             if let Access::Write(first, count) = access {
                 writes |= is_own(first, count);
             }
         });
-        if let Op::Memory(MemoryOp::Scatter { first, .. }) = op {
-            writes |= addressed(program, *first).is_some_and(|(first, count)| is_own(first, count));
+        if let Some(ComputedRegisters { first, writes: true, .. }) = op.computed_registers() {
+            writes |= addressed(program, first).is_some_and(|(first, count)| is_own(first, count));
         }
         writes
     })
@@ -204,8 +198,8 @@ impl Needed {
                 Access::Read(..) => false,
             };
         });
-        if let Op::Memory(MemoryOp::Scatter { first, .. }) = op {
-            is_needed |= addressed(program, *first).is_none_or(|(first, count)| self.has(first, count));
+        if let Some(ComputedRegisters { first, writes: true, .. }) = op.computed_registers() {
+            is_needed |= addressed(program, first).is_none_or(|(first, count)| self.has(first, count));
         }
         is_needed
     }
@@ -213,7 +207,7 @@ impl Needed {
     /// Adds what an operation reads, but for the variable where it only passes that.
     fn add_reads(&mut self, program: &Program, op: &Op, variable: &InterfaceRegisters) {
         let passes = |first: Reg, count: u32| {
-            matches!(op, Op::Stop(_)) && first == variable.first && count == variable.count
+            op.calls_pipeline() && first == variable.first && count == variable.count
         };
         op.accesses(|access| {
             if let Access::Read(first, count) = access
@@ -222,8 +216,8 @@ impl Needed {
                 self.add(first, count);
             }
         });
-        if let Op::Memory(MemoryOp::Gather { first, .. }) = op {
-            match addressed(program, *first) {
+        if let Some(ComputedRegisters { first, writes: false, .. }) = op.computed_registers() {
+            match addressed(program, first) {
                 Some((first, count)) => self.add(first, count),
                 None => self.0.fill(true),
             }

@@ -20,7 +20,6 @@ use crate::flushed_use::{FlushedUse, comparison};
 use crate::rule::{Rule, arithmetic, subgroup};
 use anyhit_engine::machine::{BlockIndex, OpIndex, Reg};
 use anyhit_engine::module::{Id, Module};
-use anyhit_engine::ops::memory::MemoryOp;
 use anyhit_engine::ops::observed;
 use anyhit_engine::ops::op::Op;
 use anyhit_engine::ops::ray_query::RayQueryOp;
@@ -224,9 +223,7 @@ fn step(
             let inactive = inactive_rule(instruction.opcode, subgroup.kind);
             OpPlan { inactive, preserves_special, ..OpPlan::default() }
         }
-        Op::Memory(MemoryOp::Undefine { .. }) => {
-            OpPlan { variable: instruction.variable(), ..OpPlan::default() }
-        }
+        _ if op.undefines().is_some() => OpPlan { variable: instruction.variable(), ..OpPlan::default() },
         _ => OpPlan::default(),
     }
 }

@@ -8,8 +8,8 @@ use crate::case::Loaded;
 use crate::observe::fresh_resources;
 use crate::run::trace;
 use anyhit_engine::machine::{Batch, Bindings, Observer, OpIndex, Reg, ShaderIndex};
-use anyhit_engine::ops::access::Access;
-use anyhit_engine::ops::memory::{MemoryOp, computed_register};
+use anyhit_engine::ops::access::{Access, ComputedRegisters};
+use anyhit_engine::ops::memory::computed_register;
 use anyhit_engine::ops::op::Op;
 use anyhit_engine::ops::pointer::storage;
 use anyhit_engine::pipeline::{Event, Launch, Pipeline};
@@ -97,12 +97,12 @@ impl<'a> PayloadFinder<'a> {
 
     /// Whether an operation writes a register.
     fn writes(op: &Op, batch: &Batch<1>, register: Reg) -> bool {
-        if let Op::Memory(MemoryOp::Scatter { count, first, index, .. }) = op {
-            let at = computed_register(&batch.registers, *first, batch.registers[*index].0[0], *count);
-            return at.is_ok_and(|at| (at..at.plus(*count)).contains(&register));
+        if let Some(ComputedRegisters { count, first, index, writes: true, .. }) = op.computed_registers() {
+            let at = computed_register(&batch.registers, first, batch.registers[index].0[0], count);
+            return at.is_ok_and(|at| (at..at.plus(count)).contains(&register));
         }
         // What begins to live undefined is not written.
-        if let Op::Memory(MemoryOp::Undefine { .. }) | Op::Stop(_) = op {
+        if op.undefines().is_some() || op.calls_pipeline() {
             return false;
         }
         let mut writes = false;
@@ -118,8 +118,8 @@ impl<'a> PayloadFinder<'a> {
     fn observe_caller(&mut self, op: OpIndex) {
         let op_of = |op: OpIndex| self.program().ops.get(op.index());
         let Some(running) = op_of(op) else { return };
-        if let Op::Stop(call) = running {
-            let span = call.payload_span().filter(|span| self.word < span.count);
+        if running.calls_pipeline() {
+            let span = running.payload_span().filter(|span| self.word < span.count);
             let written = span.and_then(|span| self.caller_writes.get(&span.first.plus(self.word)));
             self.last = written.map(|&op| PayloadWrite { shader: self.shader, op, was_unchanged: false });
             self.has_traced = span.is_some();
@@ -162,8 +162,7 @@ impl Observer<1> for PayloadFinder<'_> {
         let Some(register) = self.register(batch) else { return false };
         self.before = Some(batch.registers[register].0[0]);
         // A payload that is given on is that of the next ray, too.
-        if let Some(Op::Stop(call)) = self.program().ops.get(op.index())
-            && let Some(span) = call.payload_span()
+        if let Some(span) = self.program().ops.get(op.index()).and_then(Op::payload_span)
             && (span.first..span.first.plus(span.count)).contains(&register)
         {
             self.levels.push((batch.invocations.depth + 1, register.0 - span.first.0));

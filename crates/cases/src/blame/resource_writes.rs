@@ -12,12 +12,10 @@ use anyhit_engine::machine::image::Image;
 use anyhit_engine::machine::{
     Batch, Binding, Bindings, Buffer, Descriptor, Observer, OpIndex, Reg, Resources, ShaderIndex,
 };
-use anyhit_engine::ops::atomic::{AtomicKind, AtomicTarget};
-use anyhit_engine::ops::image::ImageOp;
 use anyhit_engine::ops::image::reader::LaneReader;
-use anyhit_engine::ops::image::texel_ref::TexelRef;
-use anyhit_engine::ops::memory::{BufferRef, Chunk, MemoryOp, access_location};
+use anyhit_engine::ops::memory::{BufferRef, Chunk, access_location};
 use anyhit_engine::ops::op::Op;
+use anyhit_engine::ops::shared_access::SharedPart;
 use anyhit_engine::pipeline::{Company, Event, Launch, PipelineObserver, RunOptions, SteppedDispatch};
 use anyhit_engine::program::Program;
 use anyhit_engine::program::struct_lookup::{DataBlock, find_block};
@@ -393,10 +391,8 @@ impl<'a> Search<'a> {
         };
         let known = |register: Reg| program.constants.iter().find(|(known, _)| *known == register);
         match stored_to(op) {
-            Some(StoreTarget::Bytes(Chunk { buffer: BufferRef::Handle(handle), .. })) => is_there(*handle),
-            Some(StoreTarget::Texel(texel)) => {
-                known(texel.image).is_some_and(|(_, handle)| is_there(*handle))
-            }
+            Some(SharedPart::Bytes(Chunk { buffer: BufferRef::Handle(handle), .. })) => is_there(*handle),
+            Some(SharedPart::Texel(texel)) => known(texel.image).is_some_and(|(_, handle)| is_there(*handle)),
             _ => false,
         }
     }
@@ -489,22 +485,10 @@ fn merged(one: Option<(u64, u64)>, other: Option<(u64, u64)>) -> Option<(u64, u6
 }
 
 /// What an operation stores to.
-enum StoreTarget<'a> {
-    Bytes(&'a Chunk),
-    Texel(&'a TexelRef),
-}
-
-fn stored_to(op: &Op) -> Option<StoreTarget<'_>> {
-    Some(match op {
-        Op::Memory(MemoryOp::BufferStore { chunk, .. }) => StoreTarget::Bytes(chunk),
-        Op::Atomic(atomic) if atomic.kind != AtomicKind::Load => match &atomic.target {
-            AtomicTarget::Buffer(chunk) => StoreTarget::Bytes(chunk),
-            AtomicTarget::Texel(texel) => StoreTarget::Texel(texel),
-            AtomicTarget::Registers { .. } => return None,
-        },
-        Op::Image(ImageOp::Write(write)) => StoreTarget::Texel(&write.texel),
-        _ => return None,
-    })
+fn stored_to(op: &Op) -> Option<SharedPart<'_>> {
+    let mut found = None;
+    op.shared_accesses(&mut |used, part| found = Some(part).filter(|_| used.stores()).or(found));
+    found
 }
 
 /// A write of the target, in the pass that is observed.
@@ -577,16 +561,18 @@ impl<const W: usize> Observer<W> for WriteFinder<'_> {
         let Some(store) = stored_to(&program.ops[op.index()]) else { return };
         for lane in batch.mask.lanes() {
             let reach = match &store {
-                StoreTarget::Bytes(chunk) => {
+                SharedPart::Bytes(chunk) => {
                     let at = access_location(batch, lane, bindings, chunk);
                     let bytes = u64::from(chunk.width / 8 * chunk.count);
                     at.and_then(|(buffer, first)| self.target.reach(Stored::Bytes(buffer, first, bytes)))
                 }
-                StoreTarget::Texel(texel) => {
+                SharedPart::Texel(texel) => {
                     let reader = LaneReader::new(&batch.registers, lane, bindings);
                     let at = texel.resolve(reader).ok();
                     at.and_then(|(image, index)| self.target.reach(Stored::Texel(image, index)))
                 }
+                // No operation stores through a sampler.
+                SharedPart::Texels { .. } => None,
             };
             if let Some(reach) = reach {
                 self.note(op, batch.invocations.launch_id(lane), reach);

@@ -3,8 +3,7 @@
 use rustc_hash::FxHashMap;
 
 use anyhit_engine::machine::{Batch, Reg};
-use anyhit_engine::ops::access::Access;
-use anyhit_engine::ops::memory::MemoryOp;
+use anyhit_engine::ops::access::{Access, RegCopy};
 use anyhit_engine::ops::op::Op;
 
 /// How the value of a register came about, lane by lane.
@@ -62,10 +61,10 @@ impl<T: Clone> LiveRegisters<T> {
         if self.0.is_empty() {
             return;
         }
-        if let Op::Memory(MemoryOp::Move { to, from } | MemoryOp::MoveMasked { to, from }) = executed
-            && let Some(LiveValue { made_of, lanes }) = self.0.get(from).cloned()
+        if let Some(RegCopy { to, from, .. }) = executed.copy()
+            && let Some(LiveValue { made_of, lanes }) = self.0.get(&from).cloned()
         {
-            return self.set(*to, made_of, batch, |lane| lanes[lane]);
+            return self.set(to, made_of, batch, |lane| lanes[lane]);
         }
         executed.accesses(|access| {
             if let Access::Write(first, count) = access {

@@ -6,7 +6,6 @@ use crate::many_seeds::runs::{Drawing, RunDifference, Runs};
 use anyhit_base::error::{Error, ErrorKind};
 use anyhit_engine::accel::Candidate;
 use anyhit_engine::machine::{ChoiceKind, ChoiceSite, DrawnDetails, DrawnTraversal, OpIndex, ShaderIndex};
-use anyhit_engine::ops::memory::MemoryOp;
 use anyhit_engine::ops::op::Op;
 use anyhit_engine::pipeline::with_location;
 use anyhit_engine::program::Program;
@@ -154,7 +153,7 @@ fn label(kind: ChoiceKind, op: Option<&Op>) -> &'static str {
         ChoiceKind::FunctionPrecision => "it is less accurate here",
         ChoiceKind::ZeroSign => "its zeros have another sign here",
         ChoiceKind::DenormalFlush => "its denormal numbers are flushed here",
-        _ if matches!(op, Some(Op::Memory(MemoryOp::Undefine { .. }))) => "it is undefined from here on",
+        _ if op.is_some_and(|op| op.undefines().is_some()) => "it is undefined from here on",
         _ => "it is read here",
     }
 }

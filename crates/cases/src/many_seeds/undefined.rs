@@ -4,11 +4,10 @@ use rustc_hash::FxHashMap;
 
 use crate::many_seeds::first_reads::FirstReads;
 use crate::many_seeds::word_kind::WordKind;
+use anyhit_engine::machine::stop::RegSpan;
 use anyhit_engine::machine::{Batch, ChoiceKind, DrawnDetails, Lanes, OpIndex, OpenChoices, Reg};
 use anyhit_engine::module::ty::{Type, TypeId};
 use anyhit_engine::module::{Id, Module};
-use anyhit_engine::ops::memory::MemoryOp;
-use anyhit_engine::ops::op::Op;
 use anyhit_engine::ops::pointer::storage;
 use anyhit_engine::program::Program;
 
@@ -58,7 +57,7 @@ impl UndefinedParts {
         let constants = constants.map(|one| registers(one.id, one.ty, one.first, one.count)).collect();
         let results = results(module);
         let by_op = program.ops.iter().zip(&program.origins).enumerate().filter_map(|(at, (op, origin))| {
-            let &Op::Memory(MemoryOp::Undefine { first, count }) = op else { return None };
+            let RegSpan { first, count } = op.undefines()?;
             let (id, ty) = results.get(&origin.offset).copied()?;
             let (op, registers) = (OpIndex::new(at), registers(id, ty, first, count));
             Some((op, UndefinedRegisters { told_at: Some(op), ..registers }))

@@ -8,7 +8,6 @@ use anyhit_base::sorted::SortedSet;
 use anyhit_engine::machine::{Batch, Bindings, Observer, OpIndex, RayQueryStep, ShaderIndex};
 use anyhit_engine::module::interface::Stage;
 use anyhit_engine::ops::op::Op;
-use anyhit_engine::ops::{ray_query, ray_tracing};
 use anyhit_engine::pipeline::{Caller, Event, PipelineObserver};
 use anyhit_engine::program::Program;
 
@@ -49,7 +48,7 @@ impl<const W: usize> Observer<W> for OpRecorder<'_> {
         // Behind a trace or call of which some lane came back.
         if let Some(last) = batch.op.previous()
             && !batch.mask.is_empty()
-            && matches!(self.program.ops.get(last.index()), Some(Op::Stop(_) | Op::Barrier))
+            && self.program.ops.get(last.index()).is_some_and(Op::stops)
             && self.executed[last.index()]
         {
             self.passed[last.index()] = true;
@@ -74,11 +73,9 @@ impl<const W: usize> Observer<W> for OpRecorder<'_> {
 pub(super) fn tracing(program: &Program) -> [SortedSet<u32>; 2] {
     let mut found = [SortedSet::new(), SortedSet::new()];
     for (op, origin) in program.ops.iter().zip(&program.origins) {
-        let kind = match op {
-            Op::Stop(
-                ray_tracing::RayTracingOp::TraceRay { .. } | ray_tracing::RayTracingOp::HitObjectTrace { .. },
-            ) => 0,
-            Op::RayQuery(ray_query::RayQueryOp::Initialize { .. }) => 1,
+        let kind = match (op.traces(), op.begins_query()) {
+            (true, _) => 0,
+            (_, true) => 1,
             _ => continue,
         };
         found[kind].insert(origin.offset);

@@ -20,9 +20,10 @@ use anyhit_engine::accel::Committed;
 use anyhit_engine::machine::{Batch, Bindings, BlockIndex, OpIndex, Reg};
 use anyhit_engine::module::Module;
 use anyhit_engine::module::decoration::number;
+use anyhit_engine::ops::access::RegCopy;
 use anyhit_engine::ops::lane_kernel::LaneKernel;
 use anyhit_engine::ops::op::Op;
-use anyhit_engine::ops::{memory, ray_query};
+use anyhit_engine::ops::ray_query;
 use anyhit_engine::pipeline::Event;
 use anyhit_engine::program::{Program, Terminator};
 use anyhit_scene::{Assembled, ResolvedScene};
@@ -438,13 +439,14 @@ impl Probe for Perturber<'_> {
                 let offset = program.origins[op.index()].offset;
                 self.perturb_kernel(batch, offset, kernel, *to, from);
             }
-            Op::Memory(memory::MemoryOp::Move { to, from } | memory::MemoryOp::MoveMasked { to, from }) => {
-                match self.products.get(from).copied() {
-                    Some(product) => self.products.insert(*to, product),
-                    None => self.products.remove(to),
-                };
+            op => {
+                if let Some(RegCopy { to, from, .. }) = op.copy() {
+                    match self.products.get(&from).copied() {
+                        Some(product) => self.products.insert(to, product),
+                        None => self.products.remove(&to),
+                    };
+                }
             }
-            _ => {}
         }
     }
 

@@ -94,8 +94,8 @@ impl Debugger {
         let waits = frame.number + 1 < stopped.len();
         let program = &self.sources.shader(frame.shader).program;
         let op = stopped.get(frame.number).and_then(|stopped| program.ops.get(stopped.op.index()));
-        let Some(Op::Stop(call)) = op.filter(|_| waits) else { return false };
-        call.payload_span().is_some_and(|span| (span.first..span.first.plus(span.count)).contains(&first))
+        let span = op.filter(|_| waits).and_then(Op::payload_span);
+        span.is_some_and(|span| (span.first..span.first.plus(span.count)).contains(&first))
     }
 
     /// A data breakpoint's words.
@@ -143,10 +143,7 @@ impl Debugger {
         let stopped = self.debuggee.shaders();
         let program = &self.sources.shader(stopped.get(number)?.shader).program;
         let (first, last) = (*registers.first()?, *registers.last()?);
-        let spans = program.ops.iter().filter_map(|op| match op {
-            Op::Stop(call) => call.payload_span(),
-            _ => None,
-        });
+        let spans = program.ops.iter().filter_map(Op::payload_span);
         let mut holding = spans.filter(|span| (span.first..span.first.plus(span.count)).contains(&first));
         let from = holding.next()?.first;
         Some(WatchedWords::Passed { run: *run, from, words: first.0 - from.0..last.0 + 1 - from.0 })

@@ -174,7 +174,7 @@ impl Debugger {
         printed: Option<Arc<Printed>>,
     ) -> Self {
         let sources = Rc::new(SourceMap::new(&pipeline.programs));
-        let prints = |program: &Arc<Program>| program.ops.iter().any(|op| matches!(op, Op::Print(_)));
+        let prints = |program: &Arc<Program>| program.ops.iter().any(Op::prints);
         let prints = pipeline.programs.iter().any(prints);
         let course = Course::default();
         let history = History::new(Checkpoint {

@@ -249,7 +249,7 @@ impl<'a> Tracker<'a> {
     fn note_print<const W: usize>(&mut self, batch: &Batch<W>, op: OpIndex) {
         let sites = self.sources.shader(self.shader);
         if let Some(prints) = &mut self.prints
-            && let Some(Op::Print(_)) = sites.program.ops.get(op.index())
+            && sites.program.ops.get(op.index()).is_some_and(Op::prints)
         {
             let (time, position) = (self.course.time, sites.position(sites.offset(op)));
             let ids = batch.mask.lanes().map(|lane| batch.invocations.launch_id(lane));
@@ -324,7 +324,8 @@ where
         }
         let program = &self.sources.shader(shader).program;
         if self.lane.is_some()
-            && let Some(Op::Stop(call)) = program.ops.get(batch.stopped_at().index())
+            && let Some(call) = program.ops.get(batch.stopped_at().index())
+            && call.calls_pipeline()
             && let Some(active) = self.course.active.last_mut()
         {
             active.passes = call.payload_span().map(|span| span.first);

@@ -1,9 +1,10 @@
 //! Which variables of a shader have not been written yet: what their registers hold is no value of
 //! the shader's.
 
+use anyhit_engine::machine::stop::RegSpan;
 use anyhit_engine::machine::{OpIndex, Reg};
-use anyhit_engine::ops::access::Access;
-use anyhit_engine::ops::memory::{MemoryOp, OUT_OF_BOUNDS};
+use anyhit_engine::ops::access::{Access, ComputedRegisters, RegCopy};
+use anyhit_engine::ops::memory::OUT_OF_BOUNDS;
 use anyhit_engine::ops::op::Op;
 use anyhit_engine::ops::pointer::{PointerBase, storage};
 use anyhit_engine::ops::translate::{IdValue, InterfaceRegisters};
@@ -42,7 +43,7 @@ impl VariableWrites {
         let given = incoming(program).map(|given| (given.first, given.count));
         globals.iter().copied().chain(given).for_each(|(first, count)| unwritten.begin(first, count));
         for op in &program.ops {
-            if let Op::Memory(MemoryOp::Undefine { first, count }) = *op {
+            if let Some(RegSpan { first, count }) = op.undefines() {
                 unwritten.begin(first, count);
             }
         }
@@ -54,21 +55,18 @@ impl VariableWrites {
                 break;
             }
         }
-        let ops = program.ops.iter().map(|op| match op {
-            Op::Memory(MemoryOp::Undefine { .. } | MemoryOp::Scatter { .. } | MemoryOp::Gather { .. }) => {
-                true
-            }
+        let ops = program.ops.iter().map(|op| {
             // Shaders that are called write what they are given.
-            Op::Stop(_) => false,
-            op => {
-                let mut writes = false;
-                op.accesses(|access| {
-                    if let Access::Write(first, count) = access {
-                        writes |= (0..count).any(|word| unwritten.contains(first.plus(word)));
-                    }
-                });
-                writes
+            if op.calls_pipeline() {
+                return false;
             }
+            let mut writes = op.undefines().is_some() || op.computed_registers().is_some();
+            op.accesses(|access| {
+                if let Access::Write(first, count) = access {
+                    writes |= (0..count).any(|word| unwritten.contains(first.plus(word)));
+                }
+            });
+            writes
         });
         let ops = ops.collect();
         Self { globals, ops }
@@ -123,31 +121,25 @@ impl UnwrittenRegisters {
 
     /// An operation has run; `register` reads the registers of the invocation.
     pub(super) fn ran(&mut self, op: &Op, register: &dyn Fn(Reg) -> u32) {
-        if let Op::Memory(MemoryOp::Undefine { first, count }) = *op {
+        if let Some(RegSpan { first, count }) = op.undefines() {
             self.begin(first, count);
             return;
         }
         // Nearly all writes of variables are moves of one word.
-        if let Op::Memory(MemoryOp::Move { to, from } | MemoryOp::MoveMasked { to, from }) = *op {
+        if let Some(RegCopy { to, from, .. }) = op.copy() {
             self.write(to, 1);
             self.copy(to, from, 1);
             return;
         }
         written_registers(op, register, &mut |first, count| self.write(first, count));
-        match *op {
-            Op::Memory(MemoryOp::Gather { to, count, first, index }) => {
-                let index = register(index);
-                if index != OUT_OF_BOUNDS {
-                    self.copy(to, first.computed(index), count);
-                }
-            }
-            Op::Memory(MemoryOp::Scatter { from, count, first, index }) => {
-                let index = register(index);
-                if index != OUT_OF_BOUNDS {
-                    self.copy(first.computed(index), from, count);
-                }
-            }
-            _ => {}
+        let Some(ComputedRegisters { first, index, count, other, writes }) = op.computed_registers() else {
+            return;
+        };
+        let index = register(index);
+        if index != OUT_OF_BOUNDS {
+            let computed = first.computed(index);
+            let (to, from) = if writes { (computed, other) } else { (other, computed) };
+            self.copy(to, from, count);
         }
     }
 
@@ -162,12 +154,11 @@ impl UnwrittenRegisters {
 
     /// Adds what an operation may copy, whatever the index.
     fn may_copy(&mut self, op: &Op) {
-        match *op {
-            Op::Memory(MemoryOp::Move { to, from } | MemoryOp::MoveMasked { to, from }) => {
-                self.copy(to, from, 1);
-            }
-            Op::Memory(MemoryOp::Gather { to, count, .. }) => self.begin(to, count),
-            _ => {}
+        if let Some(RegCopy { to, from, .. }) = op.copy() {
+            self.copy(to, from, 1);
+        }
+        if let Some(ComputedRegisters { other, count, writes: false, .. }) = op.computed_registers() {
+            self.begin(other, count);
         }
     }
 
@@ -190,7 +181,7 @@ impl UnwrittenRegisters {
 /// Tells the registers that an operation that ran has written; `register` reads the registers of
 /// the invocation.
 pub(super) fn written_registers(op: &Op, register: &dyn Fn(Reg) -> u32, visit: &mut dyn FnMut(Reg, u32)) {
-    if let Op::Memory(MemoryOp::Scatter { count, first, index, .. }) = *op {
+    if let Some(ComputedRegisters { count, first, index, writes: true, .. }) = op.computed_registers() {
         let index = register(index);
         if index != OUT_OF_BOUNDS {
             visit(first.computed(index), count);

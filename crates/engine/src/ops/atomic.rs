@@ -155,6 +155,22 @@ impl AtomicOp {
         Update { kind: self.kind, width: self.width }
     }
 
+    /// The part of a buffer that is updated.
+    pub(super) fn chunk(&self) -> Option<&Chunk> {
+        match &self.target {
+            AtomicTarget::Buffer(chunk) => Some(chunk),
+            AtomicTarget::Texel(_) | AtomicTarget::Registers { .. } => None,
+        }
+    }
+
+    /// The texel that is updated.
+    pub(super) fn texel(&self) -> Option<&TexelRef> {
+        match &self.target {
+            AtomicTarget::Texel(texel) => Some(texel),
+            AtomicTarget::Buffer(_) | AtomicTarget::Registers { .. } => None,
+        }
+    }
+
     /// See [`crate::ops::op::Op::accesses`].
     pub fn accesses(&self, visit: &mut dyn FnMut(Access)) {
         match &self.target {
@@ -178,7 +194,7 @@ impl AtomicOp {
 
     /// Whether the results of a launch depend on the order in which invocations execute the
     /// operation; `used` says whether the returned value is read.
-    pub fn order_dependent(&self, used: bool) -> bool {
+    pub(super) fn order_dependent(&self, is_used: &dyn Fn(Reg) -> bool) -> bool {
         if let AtomicTarget::Registers { .. } = self.target {
             return false;
         }
@@ -188,7 +204,7 @@ impl AtomicOp {
             | AtomicKind::FAdd
             | AtomicKind::FMin
             | AtomicKind::FMax => true,
-            _ => used,
+            _ => (0..self.words()).any(|word| is_used(self.to.plus(word))),
         }
     }
 

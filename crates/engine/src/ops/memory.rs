@@ -10,12 +10,13 @@ use std::sync::atomic::Ordering::Relaxed;
 use smallvec::SmallVec;
 
 use crate::machine::device_memory::DeviceMemory;
+use crate::machine::stop::RegSpan;
 use crate::machine::{
     AccessFault, Batch, Bindings, Buffer, Invocations, Lanes, Mask, REGISTER_POINTER, Reg, Registers,
     TrapCode,
 };
 use crate::math::random::Random;
-use crate::ops::access::Access;
+use crate::ops::access::{Access, ComputedRegisters, OperandKind, RegCopy};
 
 /// The value of a computed offset whose index is outside its array: an access through it traps.
 pub const OUT_OF_BOUNDS: u32 = u32::MAX;
@@ -107,6 +108,21 @@ pub enum MemoryOp {
     ArrayLength { to: Reg, buffer: BufferRef, offset: u32, stride: u32 },
 }
 
+/// An offset that an index chooses: `to = base + index * stride`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ComputedOffset {
+    /// The register of the offset.
+    pub to: Reg,
+    /// The register of what the offset begins at.
+    pub base: Option<Reg>,
+    /// The register of the index.
+    pub index: Reg,
+    /// The distance between elements.
+    pub stride: u32,
+    /// The number of elements.
+    pub length: Length,
+}
+
 /// The number of elements that an index may select from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Length {
@@ -154,6 +170,107 @@ impl MemoryOp {
                 which.accesses(visit);
                 visit(Access::Write(*to, 1));
             }
+        }
+    }
+
+    /// The part of a buffer that is loaded or stored.
+    pub(super) fn chunk(&self) -> Option<&Chunk> {
+        match self {
+            Self::BufferLoad { chunk, .. } | Self::BufferStore { chunk, .. } => Some(chunk),
+            _ => None,
+        }
+    }
+
+    /// See [`crate::ops::op::Op::visit_single_registers`].
+    #[inline]
+    pub(super) fn visit_single_registers(&mut self, mut visit: impl FnMut(&mut Reg, OperandKind)) {
+        match self {
+            Self::Move { to, from } | Self::MoveMasked { to, from } => {
+                visit(from, OperandKind::Use);
+                visit(to, OperandKind::Def);
+            }
+            Self::Index { to, base, index, .. } => {
+                visit(index, OperandKind::Use);
+                base.iter_mut().for_each(|base| visit(base, OperandKind::Use));
+                visit(to, OperandKind::Def);
+            }
+            Self::BufferLoad { to, chunk } => {
+                chunk.index.iter_mut().for_each(|index| visit(index, OperandKind::Use));
+                if chunk.count == 1 {
+                    visit(to, OperandKind::Def);
+                }
+            }
+            Self::BufferStore { from, chunk } => {
+                chunk.index.iter_mut().for_each(|index| visit(index, OperandKind::Use));
+                if chunk.count == 1 {
+                    visit(from, OperandKind::Use);
+                }
+            }
+            _ => {}
+        }
+    }
+
+    /// The copy of one register that the operation is.
+    #[inline]
+    pub fn copy(&self) -> Option<RegCopy> {
+        match *self {
+            Self::Move { to, from } => Some(RegCopy { to, from, is_masked: false }),
+            Self::MoveMasked { to, from } => Some(RegCopy { to, from, is_masked: true }),
+            _ => None,
+        }
+    }
+
+    /// The offset that the operation computes of an index.
+    #[inline]
+    pub(super) fn computed_offset(&self) -> Option<ComputedOffset> {
+        match *self {
+            Self::Index { to, base, index, stride, length } => {
+                Some(ComputedOffset { to, base, index, stride, length })
+            }
+            _ => None,
+        }
+    }
+
+    /// The first register that takes what the operation loads of a buffer.
+    pub(super) fn load(&self) -> Option<(Reg, &Chunk)> {
+        match self {
+            Self::BufferLoad { to, chunk } => Some((*to, chunk)),
+            _ => None,
+        }
+    }
+
+    /// The first register of what the operation stores to a buffer.
+    pub(super) fn store(&self) -> Option<(Reg, &Chunk)> {
+        match self {
+            Self::BufferStore { from, chunk } => Some((*from, chunk)),
+            _ => None,
+        }
+    }
+
+    /// See [`crate::ops::op::Op::only_computes`].
+    pub(super) fn only_computes(&self) -> bool {
+        matches!(self, Self::Move { .. } | Self::MoveMasked { .. } | Self::Index { .. })
+    }
+
+    /// The registers that the operation makes undefined.
+    pub fn undefines(&self) -> Option<RegSpan> {
+        match *self {
+            Self::Undefine { first, count } => Some(RegSpan { first, count }),
+            _ => None,
+        }
+    }
+
+    /// The access to registers that an index chooses.
+    #[inline]
+    pub fn computed_registers(&self) -> Option<ComputedRegisters> {
+        match *self {
+            Self::Gather { to, count, first, index } => {
+                Some(ComputedRegisters { first, index, count, other: to, writes: false })
+            }
+            Self::Scatter { from, count, first, index } => {
+                Some(ComputedRegisters { first, index, count, other: from, writes: true })
+            }
+            _ => None,
         }
     }
 

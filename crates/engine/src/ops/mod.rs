@@ -65,6 +65,7 @@ pub mod ray_tracing;
 pub mod relational_logical;
 
 pub mod shadow_op;
+pub mod shared_access;
 pub mod subgroup;
 pub mod superop;
 pub mod support;

@@ -85,12 +85,39 @@ impl RayTracingOp {
     /// The registers of the payload or callable data that a called shader is given.
     pub fn payload_span(&self) -> Option<RegSpan> {
         match *self {
+            Self::ExecuteCallable { data, .. } => Some(data),
+            _ => self.ray_payload(),
+        }
+    }
+
+    /// The registers of the payload that the shaders of a ray are given.
+    pub fn ray_payload(&self) -> Option<RegSpan> {
+        match *self {
             Self::TraceRay { payload, .. }
             | Self::HitObjectTrace { payload, .. }
             | Self::HitObjectExecute { payload, .. } => Some(payload),
-            Self::ExecuteCallable { data, .. } => Some(data),
-            Self::ReportIntersection { .. } | Self::HitObjectRecordHandle { .. } => None,
+            Self::ExecuteCallable { .. }
+            | Self::ReportIntersection { .. }
+            | Self::HitObjectRecordHandle { .. } => None,
         }
+    }
+
+    /// Whether it traces a ray.
+    pub(super) fn traces(&self) -> bool {
+        self.traced_structure().is_some()
+    }
+
+    /// The first of the two registers with the acceleration structure in which it traces.
+    pub(super) fn traced_structure(&self) -> Option<Reg> {
+        match *self {
+            Self::TraceRay { operands, .. } | Self::HitObjectTrace { operands, .. } => Some(operands),
+            _ => None,
+        }
+    }
+
+    /// Whether it gives the device address of a shader record.
+    pub(super) fn addresses_record(&self) -> bool {
+        matches!(self, Self::HitObjectRecordHandle { .. })
     }
 
     /// The hit object that it writes or reads, where there is one.

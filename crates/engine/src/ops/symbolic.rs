@@ -9,11 +9,11 @@ use rustc_hash::FxHashMap;
 use smallvec::SmallVec;
 
 use crate::machine::Reg;
-use crate::ops::access::Access;
+use crate::ops::access::{Access, RegCopy};
 use crate::ops::conversion::{self, Conversion};
 use crate::ops::lane_kernel::LaneKernel;
 use crate::ops::op::Op;
-use crate::ops::{arithmetic, bit, glsl, memory, relational_logical as logical};
+use crate::ops::{arithmetic, bit, glsl, relational_logical as logical};
 
 /// The number of an expression.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -332,18 +332,16 @@ impl<'a> State<'a> {
                     self.written_in_all_lanes.push(to.plus(word));
                 }
             }
-            Op::Memory(memory::MemoryOp::Move { to, from }) => {
-                let value = self.get(*from, table);
-                self.set(*to, value);
-                if to != from {
-                    self.written_in_all_lanes.push(*to);
+            _ => match op.copy() {
+                Some(RegCopy { to, from, is_masked }) => {
+                    let value = self.get(from, table);
+                    self.set(to, value);
+                    if !is_masked && to != from {
+                        self.written_in_all_lanes.push(to);
+                    }
                 }
-            }
-            Op::Memory(memory::MemoryOp::MoveMasked { to, from }) => {
-                let value = self.get(*from, table);
-                self.set(*to, value);
-            }
-            _ => self.execute_irregular(op, table),
+                None => self.execute_irregular(op, table),
+            },
         }
     }
 
@@ -360,12 +358,11 @@ impl<'a> State<'a> {
             Access::Effect => effect = true,
         });
         reads.iter().for_each(|&(first, count)| self.read(first, count, table, &mut operands));
-        let addresses = reaches_addressed(op);
-        if addresses {
+        let (reads_addressed, writes_addressed) = op.reaches_addressed();
+        if reads_addressed {
             implicit.addressed.iter().for_each(|&reg| self.read(reg, 1, table, &mut operands));
         }
-        let stops = matches!(op, Op::Stop(_) | Op::Barrier);
-        if stops {
+        if op.stops() {
             implicit.read_by_pipeline.iter().for_each(|&reg| self.read(reg, 1, table, &mut operands));
         }
         let effects = self.effects.len() as u32;
@@ -383,10 +380,10 @@ impl<'a> State<'a> {
                 word += 1;
             }
         };
-        if addresses && !matches!(op, Op::Memory(memory::MemoryOp::Gather { .. })) {
+        if writes_addressed {
             changes(&implicit.addressed, self);
         }
-        if stops {
+        if op.stops() {
             changes(&implicit.written_by_pipeline, self);
         }
         if effect {
@@ -395,34 +392,11 @@ impl<'a> State<'a> {
     }
 }
 
-/// Whether an operation may reach every variable with computed indices.
-pub fn reaches_addressed(op: &Op) -> bool {
-    matches!(
-        op,
-        Op::Memory(memory::MemoryOp::Gather { .. } | memory::MemoryOp::Scatter { .. }) | Op::Atomic(_)
-    )
-}
-
 /// The number of an irregular operation, without the registers that register allocation may rename.
 fn key(op: &Op, table: &mut ValueTable) -> u32 {
     const ANY: Reg = Reg(0);
     let mut plain = op.clone();
-    match &mut plain {
-        Op::Memory(memory::MemoryOp::Index { to, base, index, .. }) => {
-            (*to, *index) = (ANY, ANY);
-            base.iter_mut().for_each(|base| *base = ANY);
-        }
-        Op::Memory(
-            memory::MemoryOp::BufferLoad { to: reg, chunk }
-            | memory::MemoryOp::BufferStore { from: reg, chunk },
-        ) => {
-            chunk.index.iter_mut().for_each(|index| *index = ANY);
-            if chunk.count == 1 {
-                *reg = ANY;
-            }
-        }
-        _ => {}
-    }
+    plain.visit_single_registers(|reg, _| *reg = ANY);
     let next = table.irregular.len() as u32;
     *table.irregular.entry(format!("{plain:?}")).or_insert(next)
 }

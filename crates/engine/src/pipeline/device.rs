@@ -9,7 +9,6 @@ use crate::module::Module;
 use crate::module::names::capability_name;
 use crate::module::validate::explicit_layout::LayoutFeatures;
 use crate::ops::layout_check;
-use crate::ops::op::Op;
 use crate::pipeline::{PipelineFlags, flags};
 use crate::program::Program;
 use anyhit_base::error::{Error, ErrorKind, Result};
@@ -381,8 +380,7 @@ impl DeviceProfile {
 
     /// Checks that a shader of a pipeline may execute its group operations.
     pub(super) fn check_subgroups(&self, program: &Program) -> Result<()> {
-        let group_operation =
-            (0..).map(OpIndex).zip(&program.ops).find(|(_, op)| matches!(op, Op::Subgroup(_)));
+        let group_operation = (0..).map(OpIndex).zip(&program.ops).find(|(_, op)| op.needs_subgroup());
         match group_operation {
             Some((op, _)) if !self.features.ray_tracing_subgroups => {
                 let message = format!(

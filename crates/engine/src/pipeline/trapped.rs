@@ -8,7 +8,6 @@ use crate::machine::{
 };
 use crate::module::interface::Stage;
 use crate::ops::lane_kernel::{LaneKernel, Width};
-use crate::ops::op::Op;
 use crate::pipeline::Pipeline;
 use crate::pipeline::payload;
 use crate::pipeline::sbt::Sbt;
@@ -178,10 +177,8 @@ impl<const W: usize> Stack<'_, W> {
         called: u64,
     ) -> Option<([String; 2], Option<String>)> {
         let program = |shader: ShaderIndex| &*self.pipeline.programs[shader.index()];
-        let passed = match program(running.shader).ops.get(op.index())? {
-            Op::Stop(op) => op.payload_span().map(|span| (running.shader, span.first)),
-            _ => None,
-        };
+        let passed = program(running.shader).ops.get(op.index())?.payload_span();
+        let passed = passed.map(|span| (running.shader, span.first));
         // The any-hit shader of a reported hit has the payload of the shader that traced.
         let traced = || {
             self.frames.iter().rev().find_map(|frame| match frame {

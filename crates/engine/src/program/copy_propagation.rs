@@ -15,9 +15,7 @@ use smallvec::SmallVec;
 
 use crate::machine::{BlockIndex, OpIndex, Reg};
 use crate::math::array;
-use crate::ops::access::Access;
-use crate::ops::memory;
-use crate::ops::op::Op;
+use crate::ops::access::{Access, OperandKind, RegCopy};
 use crate::program::{Program, Terminator};
 
 /// The most bits of liveness that are computed: more would take too much memory.
@@ -69,9 +67,14 @@ pub(super) fn propagate_copies(program: &mut Program, addressed: &[(Reg, u32)]) 
         for at in block.ops() {
             if !copies.is_empty() {
                 let op = &mut program.ops[at];
-                for_each_renameable_use(op, |reg| {
-                    *reg = copies.get(reg).copied().unwrap_or(*reg);
-                });
+                // The offset of a buffer's access was computed for it: it is no variable's copy.
+                if op.accessed_chunk().is_none() {
+                    op.visit_single_registers(|reg, kind| {
+                        if kind == OperandKind::Use {
+                            *reg = copies.get(reg).copied().unwrap_or(*reg);
+                        }
+                    });
+                }
                 let mut written: SmallVec<[(Reg, u32); 2]> = SmallVec::new();
                 op.accesses(|access| {
                     if let Access::Write(first, count) = access {
@@ -83,12 +86,12 @@ pub(super) fn propagate_copies(program: &mut Program, addressed: &[(Reg, u32)]) 
                 };
                 // The copy itself has no other write.
                 copies.retain(|_, original| !overwritten(original));
-                if let Op::Stop(_) = op {
+                if op.calls_pipeline() {
                     // The pipeline may write any register before execution continues.
                     copies.clear();
                 }
             }
-            if let Op::Memory(memory::MemoryOp::Move { to, from }) = program.ops[at]
+            if let Some(RegCopy { to, from, is_masked: false }) = program.ops[at].copy()
                 && writes[to.0 as usize] == 1
                 && !aliased.contains(to)
                 && !aliased.contains(from)
@@ -115,28 +118,6 @@ pub fn for_each_terminator_read(terminator: &Terminator, mut visit: impl FnMut(R
             if wide {
                 visit(selector.plus(1));
             }
-        }
-        _ => {}
-    }
-}
-
-/// Visits the operands that an operation reads and that are single registers, which may be renamed
-/// to any other.
-fn for_each_renameable_use(op: &mut Op, mut visit: impl FnMut(&mut Reg)) {
-    match op {
-        Op::LaneKernel { kernel, from, .. } => {
-            for (at, reg) in from.iter_mut().enumerate() {
-                if kernel.operands[at] == 1 {
-                    visit(reg);
-                }
-            }
-        }
-        Op::Memory(memory::MemoryOp::Move { from, .. } | memory::MemoryOp::MoveMasked { from, .. }) => {
-            visit(from)
-        }
-        Op::Memory(memory::MemoryOp::Index { base, index, .. }) => {
-            visit(index);
-            base.iter_mut().for_each(visit);
         }
         _ => {}
     }
@@ -209,8 +190,8 @@ impl Stores {
         let mut bits = vec![NONE; program.register_count as usize + 1];
         let mut used = 0;
         for op in &program.ops {
-            if let Op::Memory(memory::MemoryOp::MoveMasked { to, .. }) = op
-                && !aliased.contains(*to)
+            if let Some(RegCopy { to, is_masked: true, .. }) = op.copy()
+                && !aliased.contains(to)
                 && bits[to.0 as usize] == NONE
             {
                 bits[to.0 as usize] = used;
@@ -227,7 +208,7 @@ impl Stores {
             for_each_terminator_read(&block.terminator, |reg| stores.record(&bits, reg, 1, Event::Read));
             for at in block.ops().rev() {
                 let op = &program.ops[at];
-                if let &Op::Memory(memory::MemoryOp::MoveMasked { to, from }) = op
+                if let Some(RegCopy { to, from, is_masked: true }) = op.copy()
                     && bits[to.0 as usize] != NONE
                 {
                     let [to, from] = array::map([to, from], |reg| bits[reg.0 as usize]);
@@ -416,11 +397,6 @@ fn for_each_successor(terminator: &Terminator, mut visit: impl FnMut(BlockIndex)
         }
         Terminator::Call { .. } | Terminator::Return | Terminator::Exit(_) | Terminator::Unreachable => {}
     }
-}
-
-/// Whether an operation copies a register to itself.
-pub(super) fn is_noop(op: &Op) -> bool {
-    matches!(op, Op::Memory(memory::MemoryOp::Move { to, from }) if to == from)
 }
 
 #[cfg(test)]

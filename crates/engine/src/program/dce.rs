@@ -6,7 +6,6 @@
 use crate::machine::{OpIndex, Reg};
 use crate::ops::access::Access;
 use crate::ops::op::Op;
-use crate::ops::{memory, ray_tracing};
 use crate::program::Program;
 use crate::program::copy_propagation::for_each_terminator_read;
 
@@ -122,14 +121,11 @@ pub fn eliminate_dead_code(program: &mut Program, addressed: &[(Reg, u32)], stor
     let LivenessMarker { needed, live, .. } = marker;
     program.inputs.retain(|input| (0..input.count).any(|word| live[(input.first.0 + word) as usize]));
     // Every atomic operation has an effect, and is kept.
-    program.order_dependent = program.ops.iter().any(|op| match op {
-        Op::Atomic(op) => op.order_dependent((0..op.words()).any(|word| live[(op.to.0 + word) as usize])),
-        _ => false,
-    });
+    program.order_dependent =
+        program.ops.iter().any(|op| op.order_dependent(&|register| live[register.0 as usize]));
     remove(program, &needed);
-    program.uses_subgroups = program.ops.iter().any(|op| matches!(op, Op::Subgroup(_)));
-    let addresses = |op: &Op| matches!(op, Op::Stop(ray_tracing::RayTracingOp::HitObjectRecordHandle { .. }));
-    program.addresses_records = program.ops.iter().any(addresses);
+    program.uses_subgroups = program.ops.iter().any(Op::needs_subgroup);
+    program.addresses_records = program.ops.iter().any(Op::addresses_record);
 }
 
 /// Removes the operations that are not needed and adjusts the blocks' ranges.
@@ -150,8 +146,7 @@ fn remove(program: &mut Program, needed: &[bool]) {
     // The origins of terminators follow those of operations.
     let mut keep = needed.iter();
     program.origins.retain(|_| *keep.next().unwrap_or(&true));
-    let is_noop = |op: &Op| matches!(op, Op::Memory(memory::MemoryOp::Move { to, from }) if to == from);
-    debug_assert!(!program.ops.iter().any(is_noop));
+    debug_assert!(!program.ops.iter().any(Op::is_noop));
 }
 
 #[cfg(test)]

@@ -7,7 +7,6 @@ use crate::module::ty::{Type, TypeId};
 use crate::module::{Id, Module};
 use crate::ops::access::Access;
 use crate::ops::op::Op;
-use crate::program::copy_propagation::is_noop;
 use crate::program::loop_variable::LoopVariable;
 use crate::program::lower::{LowerOptions, lower_with, translate};
 use crate::program::{Program, Terminator};
@@ -121,7 +120,7 @@ impl Program {
         // same.
         let stores = [&translated.ops, &optimized.ops].map(|ops| {
             let mut stores = vec![0u32; registers];
-            for op in ops.iter().filter(|op| !is_noop(op)) {
+            for op in ops.iter().filter(|op| !op.is_noop()) {
                 each_register(op, true, &mut |reg| {
                     if let Some(count) = stores.get_mut(reg.0 as usize) {
                         *count += 1;

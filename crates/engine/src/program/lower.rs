@@ -267,7 +267,7 @@ fn expect_equivalent(program: &Program, pass: &str, compared: std::result::Resul
 /// Rejects instructions that only a ray-tracing pipeline can execute.
 fn refuse_pipeline_instructions(lowering: &Lowering<'_>) -> Result<()> {
     let translator = &lowering.translator;
-    let stop = translator.ops.iter().position(|op| matches!(op, Op::Stop(_)));
+    let stop = translator.ops.iter().position(Op::calls_pipeline);
     let exits = lowering
         .blocks
         .iter()

@@ -7,7 +7,7 @@ use crate::module::ty::{Type, TypeId};
 use crate::module::{Definition, Id, Instruction};
 use crate::ops::access::Access;
 use crate::ops::atomic;
-use crate::ops::memory::{self, Length};
+use crate::ops::memory::{ComputedOffset, Length};
 use crate::ops::op::Op;
 use crate::program::Program;
 use anyhit_base::error::IndexOperand;
@@ -76,18 +76,11 @@ impl Program {
             }
             seen.push(reg);
             for (at, writer) in self.ops.iter().enumerate() {
-                match *writer {
-                    Op::Memory(memory::MemoryOp::Index { to, base, .. }) if to == reg => {
-                        found.push(OpIndex::new(at));
-                        work.extend(base);
-                    }
-                    Op::Memory(
-                        memory::MemoryOp::Move { to, from } | memory::MemoryOp::MoveMasked { to, from },
-                    ) if to == reg => {
-                        work.push(from);
-                    }
-                    _ => {}
+                if let Some(offset) = writer.computed_offset().filter(|offset| offset.to == reg) {
+                    found.push(OpIndex::new(at));
+                    work.extend(offset.base);
                 }
+                work.extend(writer.copy().filter(|copy| copy.to == reg).map(|copy| copy.from));
             }
         }
         found
@@ -99,9 +92,7 @@ impl Program {
         index: u32,
         accessed: Option<&AccessFault>,
     ) -> Option<(String, IndexOperand)> {
-        let Op::Memory(memory::MemoryOp::Index { length, stride, .. }) = self.ops[at.index()] else {
-            return None;
-        };
+        let ComputedOffset { length, stride, .. } = self.ops[at.index()].computed_offset()?;
         let chain_indices = self.chain_indices(self.origins[at.index()].offset);
         let may_be_it = |chain_index: &&ChainIndex| {
             let constant = self.module.scalar_value(chain_index.index).map(|known| known as u32);
@@ -144,22 +135,14 @@ impl Program {
         accessed: &AccessFault,
     ) -> Option<(String, IndexOperand)> {
         let AccessFault::Buffer { size, .. } = *accessed else { return None };
-        let index = match &self.ops[op.index()] {
-            Op::Memory(
-                memory::MemoryOp::BufferLoad { chunk, .. } | memory::MemoryOp::BufferStore { chunk, .. },
-            ) => chunk.index?,
-            Op::Atomic(op) => match &op.target {
-                atomic::AtomicTarget::Buffer(chunk) => chunk.index?,
-                _ => return None,
-            },
-            _ => return None,
-        };
-        let (at, stride) = self.ops.iter().enumerate().find_map(|(at, op)| match *op {
-            Op::Memory(memory::MemoryOp::Index {
-                to, base: None, length: Length::Unknown, stride, ..
-            }) => (to == index).then_some((at, stride)),
-            _ => None,
-        })?;
+        let index = self.ops[op.index()].accessed_chunk()?.index?;
+        let (at, stride) =
+            self.ops.iter().enumerate().find_map(|(at, op)| match op.computed_offset()? {
+                ComputedOffset { to, base: None, length: Length::Unknown, stride, .. } => {
+                    (to == index).then_some((at, stride))
+                }
+                _ => None,
+            })?;
         let chain_indices = self.chain_indices(self.origins[at].offset);
         // The last runtime array is that of the block; an array of blocks may precede it.
         let chain_index = chain_indices.iter().rfind(|chain_index| self.count(chain_index.from).is_none())?;

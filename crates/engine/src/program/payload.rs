@@ -9,7 +9,6 @@ use crate::machine::{BlockIndex, Exit, OpIndex, Reg};
 use crate::ops::access::Access;
 use crate::ops::op::Op;
 use crate::ops::pointer::storage;
-use crate::ops::{memory, ray_tracing};
 use crate::program::copy_propagation::for_each_terminator_read;
 use crate::program::{Block, Program, Terminator};
 
@@ -65,17 +64,8 @@ impl Payloads {
 
     /// Analyses a program; `addressed` are registers that computed register numbers can address.
     pub fn of(program: &Program, addressed: &[(Reg, u32)]) -> Self {
-        let tracing = program.ops.iter().enumerate().filter_map(|(at, op)| {
-            let payload = match *op {
-                Op::Stop(
-                    ray_tracing::RayTracingOp::TraceRay { payload, .. }
-                    | ray_tracing::RayTracingOp::HitObjectTrace { payload, .. }
-                    | ray_tracing::RayTracingOp::HitObjectExecute { payload, .. },
-                ) => payload,
-                _ => return None,
-            };
-            Some((OpIndex::new(at), payload))
-        });
+        let tracing =
+            program.ops.iter().enumerate().filter_map(|(at, op)| Some((OpIndex::new(at), op.ray_payload()?)));
         let tracing: Vec<_> = tracing.collect();
         let mut payloads: Vec<RegSpan> = Vec::new();
         for (_, payload) in &tracing {
@@ -111,19 +101,7 @@ fn writes_only(program: &Program) -> Option<PayloadWords> {
         _ => false,
     };
     // Operations that compute registers from registers. A load may trap.
-    let harmless = |op: &Op| match op {
-        Op::LaneKernel { .. } => true,
-        Op::Memory(op) => {
-            matches!(
-                op,
-                memory::MemoryOp::Move { .. }
-                    | memory::MemoryOp::MoveMasked { .. }
-                    | memory::MemoryOp::Index { .. }
-            )
-        }
-        _ => false,
-    };
-    if !program.blocks.iter().enumerate().all(ends) || !program.ops.iter().all(harmless) {
+    if !program.blocks.iter().enumerate().all(ends) || !program.ops.iter().all(Op::only_computes) {
         return None;
     }
     let Some(payload) = program.interface_registers(storage::INCOMING_RAY_PAYLOAD) else {

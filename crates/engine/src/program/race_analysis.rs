@@ -31,15 +31,15 @@ use crate::machine::{Binding, Bindings, Descriptor, OpIndex, Reg, Resources};
 use crate::math::array;
 use crate::ops::access::Access;
 use crate::ops::arithmetic::{IAdd, IMul, ISub, SNegate};
-use crate::ops::atomic::{AtomicKind, AtomicTarget, Update};
+use crate::ops::atomic::{AtomicKind, Update};
 use crate::ops::bit::ShiftLeftLogical;
-use crate::ops::image::ImageOp;
 use crate::ops::image::texel_ref::TexelRef;
 use crate::ops::lane_kernel::LaneKernel;
 use crate::ops::memory::{
-    BufferRef, Chunk, Length, MemoryOp, PUSH_CONSTANTS_HANDLE, SHADER_RECORD_HANDLE, WORKGROUP_HANDLE,
+    BufferRef, Chunk, ComputedOffset, Length, PUSH_CONSTANTS_HANDLE, SHADER_RECORD_HANDLE, WORKGROUP_HANDLE,
 };
 use crate::ops::op::Op;
+use crate::ops::shared_access::SharedPart;
 use crate::ops::translate::InputRegisters;
 use crate::program::Program;
 use affine::{AffineExpr, AffineRange, Symbol, both, scaled};
@@ -246,49 +246,28 @@ impl StoredMemory {
 
 /// The accesses of a program to memory that all invocations share, without duplicates.
 pub fn accesses(program: &Program) -> Vec<MemoryAccess> {
-    let stores = program.ops.iter().any(|op| match op {
-        Op::Memory(MemoryOp::BufferStore { .. }) | Op::Atomic(_) => true,
-        Op::Image(op) => matches!(op, ImageOp::Write(_)),
-        _ => false,
+    let has_accesses = program.ops.iter().any(|op| {
+        let mut found = false;
+        op.shared_accesses(&mut |_, _| found = true);
+        found
     });
-    let loads = |op: &Op| {
-        matches!(
-            op,
-            Op::Memory(MemoryOp::BufferLoad { .. })
-                | Op::Image(ImageOp::Read(_) | ImageOp::Sample(_) | ImageOp::Process(_))
-        )
-    };
-    if !stores && !program.ops.iter().any(loads) {
+    if !has_accesses {
         return Vec::new();
     }
     let mut values = ValueTracking::new(program);
     let mut found: Vec<MemoryAccess> = Vec::new();
-    let mut add = |access: Option<MemoryAccess>| {
-        if let Some(access) = access.filter(|access| !found.contains(access)) {
-            found.push(access);
-        }
-    };
     for op in &program.ops {
-        match op {
-            Op::Memory(MemoryOp::BufferLoad { chunk, .. }) => add(values.bytes(chunk, false, None)),
-            Op::Memory(MemoryOp::BufferStore { chunk, .. }) => add(values.bytes(chunk, true, None)),
-            Op::Image(ImageOp::Read(op)) => add(Some(values.texel(&op.texel, false, None))),
-            Op::Image(ImageOp::Write(op)) => add(Some(values.texel(&op.texel, true, None))),
-            // The texels that a sampler reads are not analysed.
-            Op::Image(ImageOp::Sample(op)) => add(Some(MemoryAccess::load_anywhere(values.handle(op.image)))),
-            Op::Image(ImageOp::Process(op)) => {
-                op.images().for_each(|image| add(Some(MemoryAccess::load_anywhere(values.handle(image)))));
+        op.shared_accesses(&mut |used, part| {
+            let access = match part {
+                SharedPart::Bytes(chunk) => values.bytes(chunk, used.stores(), used.update()),
+                SharedPart::Texel(texel) => Some(values.texel(texel, used.stores(), used.update())),
+                // The texels that a sampler reads are not analysed.
+                SharedPart::Texels { image, .. } => Some(MemoryAccess::load_anywhere(values.handle(image))),
+            };
+            if let Some(access) = access.filter(|access| !found.contains(access)) {
+                found.push(access);
             }
-            Op::Atomic(op) => {
-                let (stores, update) = (op.kind != AtomicKind::Load, Some(op.update()));
-                match &op.target {
-                    AtomicTarget::Buffer(chunk) => add(values.bytes(chunk, stores, update)),
-                    AtomicTarget::Texel(place) => add(Some(values.texel(place, stores, update))),
-                    AtomicTarget::Registers { .. } => {}
-                }
-            }
-            _ => {}
-        }
+        });
     }
     found
 }
@@ -303,16 +282,16 @@ impl MemoryAccess {
 /// Whether the invocations of a workgroup modify its memory by atomic instructions that do not
 /// commute: the result depends on which of them run together.
 pub fn mixes_workgroup_atomics(program: &Program) -> bool {
-    let concerned = |op: &Op| match op {
-        Op::Atomic(op) => match op.target {
-            AtomicTarget::Buffer(
-                chunk @ Chunk { buffer: BufferRef::Workgroup | BufferRef::Computed(_), .. },
-            ) => Some((chunk, op.update())),
-            _ => None,
-        },
-        _ => None,
-    };
-    let found: SmallVec<[(Chunk, Update); 4]> = program.ops.iter().filter_map(concerned).collect();
+    let mut found: SmallVec<[(Chunk, Update); 4]> = SmallVec::new();
+    for op in &program.ops {
+        op.shared_accesses(&mut |used, part| {
+            if let (Some(update), SharedPart::Bytes(chunk)) = (used.update(), part)
+                && let BufferRef::Workgroup | BufferRef::Computed(_) = chunk.buffer
+            {
+                found.push((*chunk, update));
+            }
+        });
+    }
     if found.len() < 2 || program.workgroup.is_none_or(|layout| layout.memory == 0) {
         return false;
     }
@@ -416,15 +395,16 @@ impl<'a> ValueTracking<'a> {
             if let Some(&handle) = self.constants.get(&reg) {
                 return self.binding(handle);
             }
-            reg = match self.writer(reg) {
+            let Some(writer) = self.writer(reg) else { return Memory::Unknown };
+            reg = match (writer.computed_offset(), writer.copy()) {
                 // An element's number, behind the handle of the first one: see `pointer::shifted`.
-                Some(&Op::Memory(MemoryOp::Index { base: Some(_), stride, index, .. }))
+                (Some(ComputedOffset { base: Some(_), stride, index, .. }), _)
                     if self.constants.get(&index) == Some(&1) && Bindings::slot_of(stride).is_some() =>
                 {
                     return self.binding(stride);
                 }
-                Some(&Op::Memory(MemoryOp::Index { base: Some(base), .. })) => base,
-                Some(&Op::Memory(MemoryOp::Move { from, .. } | MemoryOp::MoveMasked { from, .. })) => from,
+                (Some(ComputedOffset { base: Some(base), .. }), _) => base,
+                (_, Some(copy)) => copy.from,
                 _ => return Memory::Unknown,
             };
         }
@@ -464,18 +444,19 @@ impl<'a> ValueTracking<'a> {
     /// The registers that [`ValueTracking::compute_value`] reads for a register.
     fn sources(&self, reg: Reg) -> SmallVec<[Reg; 2]> {
         let is_given = self.constants.contains_key(&reg) || self.input_of(reg).is_some();
-        match self.writer(reg).filter(|_| !is_given) {
-            Some(Op::Memory(MemoryOp::Move { from, .. } | MemoryOp::MoveMasked { from, .. })) => {
-                SmallVec::from_slice(&[*from])
+        let Some(writer) = self.writer(reg).filter(|_| !is_given) else { return SmallVec::new() };
+        if let Some(copy) = writer.copy() {
+            return SmallVec::from_slice(&[copy.from]);
+        }
+        if let Some(offset) = writer.computed_offset() {
+            return offset.base.into_iter().chain([offset.index]).collect();
+        }
+        match *writer {
+            Op::LaneKernel { kernel, from: [a, ..], .. } if through_floats::gives_integer(kernel) => {
+                self.converted(a).into_iter().map(|converted| converted.integer).collect()
             }
-            Some(Op::Memory(MemoryOp::Index { base, index, .. })) => {
-                base.iter().chain([index]).copied().collect()
-            }
-            Some(Op::LaneKernel { kernel, from: [a, ..], .. }) if through_floats::gives_integer(kernel) => {
-                self.converted(*a).into_iter().map(|converted| converted.integer).collect()
-            }
-            Some(Op::LaneKernel { kernel, from: [a, b, _], .. }) if is_followed(kernel) => {
-                SmallVec::from_slice(&[*a, *b])
+            Op::LaneKernel { kernel, from: [a, b, _], .. } if is_followed(kernel) => {
+                SmallVec::from_slice(&[a, b])
             }
             _ => SmallVec::new(),
         }
@@ -496,35 +477,36 @@ impl<'a> ValueTracking<'a> {
         if let Some(input) = self.input_of(reg) {
             return exactly(self.builtin(input.builtin.number, (reg.0 - input.first.0) as u8)?);
         }
-        match *self.writer(reg)? {
-            Op::Memory(MemoryOp::Move { from, .. } | MemoryOp::MoveMasked { from, .. }) => {
-                self.known_value(from)
-            }
-            Op::Memory(MemoryOp::Index { base, index, stride, length, .. }) => {
-                let base = base.map_or_else(|| exactly(AffineExpr::default()), |base| self.known_value(base));
-                let by = match (self.known_value(index), length) {
-                    (Some(index), _) => scaled(index, stride.into()),
-                    (None, Length::Known(length)) => {
-                        let count = u64::from(length.saturating_sub(1)) * u64::from(stride) + 1;
-                        Some(AffineRange { count, ..AffineRange::exactly(AffineExpr::default()) })
-                    }
-                    (None, Length::Unknown) => None,
-                };
-                plus(base, by)
-            }
-            Op::Memory(MemoryOp::BufferLoad { to, chunk }) => {
-                let index = chunk.index.map_or(Some(0), |index| self.constants.get(&index).copied())?;
-                let offset = chunk.offset.checked_add(index)?.checked_add((reg.0 - to.0).checked_mul(4)?)?;
-                let place = match chunk.buffer {
-                    BufferRef::PushConstants => None,
-                    BufferRef::Handle(handle) => match self.binding(handle) {
-                        Memory::Binding(binding) => Some((binding, Bindings::slot_of(handle)?.1)),
-                        _ => return None,
-                    },
+        let writer = self.writer(reg)?;
+        if let Some(copy) = writer.copy() {
+            return self.known_value(copy.from);
+        }
+        if let Some(ComputedOffset { base, index, stride, length, .. }) = writer.computed_offset() {
+            let base = base.map_or_else(|| exactly(AffineExpr::default()), |base| self.known_value(base));
+            let by = match (self.known_value(index), length) {
+                (Some(index), _) => scaled(index, stride.into()),
+                (None, Length::Known(length)) => {
+                    let count = u64::from(length.saturating_sub(1)) * u64::from(stride) + 1;
+                    Some(AffineRange { count, ..AffineRange::exactly(AffineExpr::default()) })
+                }
+                (None, Length::Unknown) => None,
+            };
+            return plus(base, by);
+        }
+        if let Some((to, chunk)) = writer.buffer_load() {
+            let index = chunk.index.map_or(Some(0), |index| self.constants.get(&index).copied())?;
+            let offset = chunk.offset.checked_add(index)?.checked_add((reg.0 - to.0).checked_mul(4)?)?;
+            let place = match chunk.buffer {
+                BufferRef::PushConstants => None,
+                BufferRef::Handle(handle) => match self.binding(handle) {
+                    Memory::Binding(binding) => Some((binding, Bindings::slot_of(handle)?.1)),
                     _ => return None,
-                };
-                exactly(AffineExpr::symbol(Symbol::Word(place, offset))).filter(|_| chunk.width == 32)
-            }
+                },
+                _ => return None,
+            };
+            return exactly(AffineExpr::symbol(Symbol::Word(place, offset))).filter(|_| chunk.width == 32);
+        }
+        match *writer {
             Op::LaneKernel { kernel, from: [a, b, _], .. } => {
                 if is(kernel, IAdd.kernel(32)) || is(kernel, IAdd.kernel(64)) || is_address(kernel) {
                     return plus(self.known_value(a), self.known_value(b));

@@ -23,12 +23,12 @@ use rustc_hash::{FxHashMap, FxHashSet};
 use smallvec::SmallVec;
 
 use crate::machine::{BlockIndex, OpIndex, Reg};
-use crate::ops::access::Access;
+use crate::ops::access::{Access, OperandKind, RegCopy};
+use crate::ops::bit;
 use crate::ops::conversion::{self, Conversion};
 use crate::ops::op::Op;
 use crate::ops::superop::{ResultUse, SuperCode, takes_float};
-use crate::ops::{bit, memory};
-use crate::program::copy_propagation::{AliasedRegisters, for_each_terminator_read, is_noop};
+use crate::program::copy_propagation::{AliasedRegisters, for_each_terminator_read};
 use crate::program::schedule::ListScheduler;
 use crate::program::{Program, Terminator};
 use direct_registers::{rename_constants, rename_values};
@@ -56,13 +56,6 @@ pub struct Superblock {
     pub last: BlockIndex,
 }
 
-/// How an operation accesses an operand that is a single register, which may be renamed.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum OperandKind {
-    Use,
-    Def,
-}
-
 /// Makes the [`OptimizedCode`] of a program. Returns, by register, the one that now holds its
 /// value, if that outlives a superblock.
 pub(super) fn allocate_registers(program: &mut Program, addressed: &[(Reg, u32)]) -> Vec<Reg> {
@@ -73,10 +66,10 @@ pub(super) fn allocate_registers(program: &mut Program, addressed: &[(Reg, u32)]
     let values = LocalValues::of(program, &mut ops, &superblock_starts, &aliased);
     for op in &mut ops {
         // All lanes that read such a value later in the superblock are running now.
-        if let Op::Memory(memory::MemoryOp::MoveMasked { to, from }) = *op
+        if let Some(RegCopy { to, from, is_masked: true }) = op.copy()
             && values.is_local(to)
         {
-            *op = Op::Memory(memory::MemoryOp::Move { to, from });
+            *op = Op::copy_of(to, from);
         }
     }
     let mut written = vec![0u32; program.register_count as usize];
@@ -110,14 +103,14 @@ pub(super) fn allocate_registers(program: &mut Program, addressed: &[(Reg, u32)]
     for &(start, superblock) in &superblock_starts {
         let superblock = ops_of(program, start, superblock);
         for at in superblock.clone() {
-            for_each_renameable(&mut ops[at], |reg, _| last_use[reg.0 as usize] = OpIndex::new(at));
+            ops[at].visit_single_registers(|reg, _| last_use[reg.0 as usize] = OpIndex::new(at));
         }
         for at in superblock {
             let op = &mut ops[at];
-            if is_noop(op) {
+            if op.is_noop() {
                 continue;
             }
-            for_each_renameable(op, |reg, kind| {
+            op.visit_single_registers(|reg, kind| {
                 let value = reg.0 as usize;
                 if kind == OperandKind::Use && values.is_local(*reg) {
                     *reg = assigned[value];
@@ -128,10 +121,10 @@ pub(super) fn allocate_registers(program: &mut Program, addressed: &[(Reg, u32)]
             });
             // A regular operation reads all lanes before it writes one, so its result may have the
             // register of an operand whose last use it is.
-            if let Op::LaneKernel { .. } | Op::Memory(memory::MemoryOp::Move { .. }) = op {
+            if op.writes_all_lanes() {
                 pool.free.extend(expired.drain(..));
             }
-            for_each_renameable(op, |reg, kind| {
+            op.visit_single_registers(|reg, kind| {
                 let value = reg.0 as usize;
                 if kind == OperandKind::Def && values.is_local(*reg) {
                     *reg = pool.take();
@@ -207,7 +200,7 @@ fn result_uses(
     for &(start, superblock) in superblock_starts {
         for at in ops_of(program, start, superblock) {
             let op = &mut ops[at];
-            if is_noop(op) {
+            if op.is_noop() {
                 continue;
             }
             let kernel = match op {
@@ -215,7 +208,7 @@ fn result_uses(
                 _ => None,
             };
             let mut operand = 0;
-            for_each_renameable(op, |reg, kind| {
+            op.visit_single_registers(|reg, kind| {
                 if kind == OperandKind::Use {
                     if let Some(result_use) = result_uses.get_mut(definition[reg.0 as usize].index()) {
                         result_use.reads = result_use.reads.map(|reads| reads + 1);
@@ -225,8 +218,8 @@ fn result_uses(
                     operand += 1;
                 }
             });
-            let defines = matches!(op, Op::LaneKernel { .. } | Op::Memory(memory::MemoryOp::Move { .. }));
-            for_each_renameable(op, |reg, kind| {
+            let defines = op.writes_all_lanes();
+            op.visit_single_registers(|reg, kind| {
                 if kind == OperandKind::Def && pool.is_pooled(*reg) {
                     definition[reg.0 as usize] = if defines { OpIndex::new(at) } else { NO_DEFINITION };
                     if defines {
@@ -337,7 +330,8 @@ fn propagate_local_copies(
     written: &mut [u32],
     copies: &mut Copies,
 ) {
-    if !ops[superblock.clone()].iter().any(|op| matches!(op, Op::Memory(memory::MemoryOp::Move { .. }))) {
+    let copies_all_lanes = |op: &Op| op.copy().is_some_and(|copy| !copy.is_masked);
+    if !ops[superblock.clone()].iter().any(copies_all_lanes) {
         return;
     }
     // The last stop for the pipeline, or 0 before it.
@@ -346,7 +340,7 @@ fn propagate_local_copies(
     for at in superblock.clone() {
         let op = &mut ops[at];
         let at = at as u32;
-        for_each_renameable(op, |reg, kind| {
+        op.visit_single_registers(|reg, kind| {
             if let (OperandKind::Use, Some(copy)) = (kind, copies.find(*reg)) {
                 let stopped = if values.is_local(copy.from) { 0 } else { stopped };
                 copy.is_valid &= written[copy.from.0 as usize].max(stopped) <= copy.at;
@@ -357,30 +351,30 @@ fn propagate_local_copies(
                 (first.0..first.0 + count).for_each(|register| written[register as usize] = at);
             }
         });
-        match *op {
-            Op::Stop(_) | Op::Barrier => stopped = at,
-            Op::Memory(memory::MemoryOp::Move { to, from }) if values.is_local(to) => {
-                let is_valid = values.is_written_once(to) && !aliased.contains(from);
-                // A copy of a copy is a copy of the first original.
-                let from = copies.find(from).filter(|copy| copy.is_valid).map_or(from, |copy| copy.from);
-                copies.insert(to, CopySource { at, from, is_valid });
-            }
-            _ => {}
+        if op.stops() {
+            stopped = at;
+        } else if let Some(RegCopy { to, from, is_masked: false }) = op.copy()
+            && values.is_local(to)
+        {
+            let is_valid = values.is_written_once(to) && !aliased.contains(from);
+            // A copy of a copy is a copy of the first original.
+            let from = copies.find(from).filter(|copy| copy.is_valid).map_or(from, |copy| copy.from);
+            copies.insert(to, CopySource { at, from, is_valid });
         }
     }
     for at in superblock {
         let op = &mut ops[at];
-        for_each_renameable(op, |reg, kind| {
+        op.visit_single_registers(|reg, kind| {
             if let (OperandKind::Use, Some(&mut CopySource { from, is_valid: true, .. })) =
                 (kind, copies.find(*reg))
             {
                 *reg = from;
             }
         });
-        if let Op::Memory(memory::MemoryOp::Move { to, from }) = op
-            && copies.find(*to).is_some_and(|copy| copy.is_valid && copy.at as usize == at)
+        if let Some(RegCopy { to, from, is_masked: false }) = op.copy()
+            && copies.find(to).is_some_and(|copy| copy.is_valid && copy.at as usize == at)
         {
-            *to = *from;
+            *op = Op::copy_of(from, from);
         }
     }
 }
@@ -471,7 +465,7 @@ impl LocalValues {
                         register.local &= register.defining_block == start;
                     }
                 });
-                for_each_renameable(op, |reg, _| {
+                op.visit_single_registers(|reg, _| {
                     let register = &mut registers[reg.0 as usize];
                     register.grouped_accesses = register.grouped_accesses.wrapping_sub(1);
                 });
@@ -506,45 +500,6 @@ impl LocalValues {
     /// Whether all accesses of a register are operands that may be renamed.
     fn is_renameable(&self, reg: Reg) -> bool {
         self.0[reg.0 as usize].grouped_accesses == 0
-    }
-}
-
-/// Visits the operands of an operation that are single registers and may be renamed, uses first. A
-/// definition writes all running lanes at least.
-fn for_each_renameable(op: &mut Op, mut visit: impl FnMut(&mut Reg, OperandKind)) {
-    match op {
-        Op::LaneKernel { kernel, to, from } => {
-            for (at, reg) in from.iter_mut().enumerate() {
-                if kernel.operands[at] == 1 {
-                    visit(reg, OperandKind::Use);
-                }
-            }
-            if kernel.words == 1 {
-                visit(to, OperandKind::Def);
-            }
-        }
-        Op::Memory(memory::MemoryOp::Move { to, from } | memory::MemoryOp::MoveMasked { to, from }) => {
-            visit(from, OperandKind::Use);
-            visit(to, OperandKind::Def);
-        }
-        Op::Memory(memory::MemoryOp::Index { to, base, index, .. }) => {
-            visit(index, OperandKind::Use);
-            base.iter_mut().for_each(|base| visit(base, OperandKind::Use));
-            visit(to, OperandKind::Def);
-        }
-        Op::Memory(memory::MemoryOp::BufferLoad { to, chunk }) => {
-            chunk.index.iter_mut().for_each(|index| visit(index, OperandKind::Use));
-            if chunk.count == 1 {
-                visit(to, OperandKind::Def);
-            }
-        }
-        Op::Memory(memory::MemoryOp::BufferStore { from, chunk }) => {
-            chunk.index.iter_mut().for_each(|index| visit(index, OperandKind::Use));
-            if chunk.count == 1 {
-                visit(from, OperandKind::Use);
-            }
-        }
-        _ => {}
     }
 }
 

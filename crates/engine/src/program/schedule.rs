@@ -8,9 +8,7 @@
 
 use crate::machine::Reg;
 use crate::ops::access::Access;
-use crate::ops::memory;
 use crate::ops::op::Op;
-use crate::program::copy_propagation::is_noop;
 
 /// No operation, or the end of a linked list.
 const NONE: u32 = u32::MAX;
@@ -75,13 +73,7 @@ impl ListScheduler {
 
     /// Orders the operations of a superblock.
     pub(super) fn order(&mut self, ops: &mut [Op]) {
-        let regular = |op: &Op| {
-            matches!(
-                op,
-                Op::LaneKernel { .. }
-                    | Op::Memory(memory::MemoryOp::Move { .. } | memory::MemoryOp::MoveMasked { .. })
-            )
-        };
+        let regular = |op: &Op| op.writes_all_lanes() || op.copy().is_some();
         for region in ops.chunk_by_mut(|a, b| regular(a) == regular(b)) {
             if region.len() > 2 && regular(&region[0]) {
                 self.find_order(region);
@@ -125,7 +117,7 @@ impl ListScheduler {
                 nodes[successor as usize].pending -= 1;
             }
             // A masked copy leaves the value that it copies in the accumulator.
-            let copies = |op: &Op| matches!(op, Op::Memory(memory::MemoryOp::MoveMasked { .. }));
+            let copies = |op: &Op| op.copy().is_some_and(|copy| copy.is_masked);
             if chained.is_none() || !copies(&ops[next as usize]) {
                 previous = Some(next);
             }
@@ -141,7 +133,7 @@ impl ListScheduler {
         nodes.clear();
         nodes.resize(ops.len(), DependencyNode { pending: 0, first: 0, end: 0, last: NONE, done: false });
         for (at, op) in (0..).zip(ops) {
-            if is_noop(op) {
+            if op.is_noop() {
                 continue;
             }
             let mut depend_on = |earlier: u32| {
@@ -207,10 +199,8 @@ impl ListScheduler {
 fn result(op: &Op) -> Option<Reg> {
     match *op {
         Op::LaneKernel { kernel, to, .. } => (kernel.words == 1).then_some(to),
-        Op::Memory(memory::MemoryOp::Move { to, .. }) => Some(to),
-        // Not its own register, in which lanes that do not run keep their values.
-        Op::Memory(memory::MemoryOp::MoveMasked { from, .. }) => Some(from),
-        _ => None,
+        // Of a masked copy not its own register, in which lanes that do not run keep their values.
+        _ => op.copy().map(|copy| if copy.is_masked { copy.from } else { copy.to }),
     }
 }
 

@@ -3,9 +3,7 @@
 use crate::accel::RayRule;
 use crate::machine::device_memory::STRUCTURE_HANDLE;
 use crate::machine::{AccessFault, Binding, Bindings, LaneTrap, OpIndex, TrapCode};
-use crate::ops::atomic::AtomicTarget;
-use crate::ops::memory::{BufferRef, Chunk, MemoryOp};
-use crate::ops::op::Op;
+use crate::ops::memory::{BufferRef, Chunk};
 use crate::ops::ray_rules;
 use crate::program::Program;
 use anyhit_base::error::{DescriptorElement, IndexOperand, TrapOperands};
@@ -88,16 +86,7 @@ impl Program {
 
     /// The part of a buffer that an operation accesses.
     pub(super) fn accessed_chunk(&self, op: OpIndex) -> Option<&Chunk> {
-        match self.ops.get(op.index())? {
-            Op::Memory(MemoryOp::BufferLoad { chunk, .. } | MemoryOp::BufferStore { chunk, .. }) => {
-                Some(chunk)
-            }
-            Op::Atomic(op) => match &op.target {
-                AtomicTarget::Buffer(chunk) => Some(chunk),
-                _ => None,
-            },
-            _ => None,
-        }
+        self.ops.get(op.index())?.accessed_chunk()
     }
 
     fn buffer_operands(

@@ -18,8 +18,8 @@ use crate::machine::{BlockIndex, Reg};
 use crate::ops::access::Access;
 use crate::ops::op::Op;
 use crate::ops::superop::SuperCode;
-use crate::ops::symbolic::{ImplicitRegisters, State, ValueTable, reaches_addressed};
-use crate::program::copy_propagation::{for_each_terminator_read, is_noop};
+use crate::ops::symbolic::{ImplicitRegisters, State, ValueTable};
+use crate::program::copy_propagation::for_each_terminator_read;
 use crate::program::{Block, Program, Superblock, Terminator};
 
 /// Programs of more operations are not checked.
@@ -179,10 +179,10 @@ impl Verifier {
                     live.extend((first.0..first.0 + count).map(Reg));
                 }
             });
-            if matches!(op, Op::Stop(_) | Op::Barrier) {
+            if op.stops() {
                 live.extend(&self.implicit.read_by_pipeline);
             }
-            if reaches_addressed(op) {
+            if op.reaches_addressed().0 {
                 live.extend(&self.implicit.addressed);
             }
         }
@@ -376,7 +376,7 @@ fn accessed_registers(op: &Op) -> usize {
 
 /// A register that an operation writes although it holds a constant.
 fn written_constant(op: &Op, constants: &FxHashMap<Reg, u32>) -> Option<Reg> {
-    if is_noop(op) {
+    if op.is_noop() {
         return None;
     }
     let mut found = None;

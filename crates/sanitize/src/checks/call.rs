@@ -10,7 +10,6 @@ use anyhit_engine::machine::{Batch, ShaderIndex};
 use anyhit_engine::module::interface::Stage;
 use anyhit_engine::module::ty::TypeId;
 use anyhit_engine::module::{Id, Module};
-use anyhit_engine::ops::op::Op;
 use anyhit_engine::ops::pointer::storage;
 use anyhit_engine::ops::translate::InterfaceRegisters;
 use anyhit_engine::pipeline::{describe_with_members, source_file};
@@ -79,8 +78,7 @@ fn given<'a>(sanitizer: &Sanitizer<'a>) -> Option<(OpPlace, &'a Program, &'a Int
     });
     let is_intersection = |program: &Program| program.stage == Stage::Intersection;
     let (place, program) = calls.find(|call| call.is_none_or(|(_, program)| !is_intersection(program)))??;
-    let Op::Stop(stop) = program.ops.get(place.op.index())? else { return None };
-    let first = stop.payload_span()?.first;
+    let first = program.ops.get(place.op.index())?.payload_span()?.first;
     let variable = program.interface.iter().find(|variable| variable.first == first)?;
     Some((place, program, variable))
 }
@@ -159,10 +157,7 @@ fn of_class(program: &Program, class: u32) -> impl Iterator<Item = (Id, TypeId)>
 /// The name of a variable that a shader could pass to others, and never does.
 fn unpassed(program: &Program, class: u32) -> Option<&str> {
     let is_passed = |variable: &InterfaceRegisters| {
-        program.ops.iter().any(|op| match op {
-            Op::Stop(stop) => stop.payload_span().is_some_and(|span| span.first == variable.first),
-            _ => false,
-        })
+        program.ops.iter().any(|op| op.payload_span().is_some_and(|span| span.first == variable.first))
     };
     let mut own = program.interface.iter().filter(|variable| variable.storage_class == class);
     let variable = own.find(|variable| !is_passed(variable))?;

@@ -13,13 +13,10 @@ use anyhit_engine::machine::object::ObjectRef;
 use anyhit_engine::module::decoration::number;
 use anyhit_engine::module::ty::{Type, TypeId};
 use anyhit_engine::module::{Definition, Id, Module};
-use anyhit_engine::ops::atomic::AtomicTarget;
-use anyhit_engine::ops::image::ImageOp;
-use anyhit_engine::ops::memory::{BufferRef, Chunk, MemoryOp};
+use anyhit_engine::ops::memory::{BufferRef, Chunk};
 use anyhit_engine::ops::op::Op;
 use anyhit_engine::ops::pointer::storage;
-use anyhit_engine::ops::ray_query::RayQueryOp;
-use anyhit_engine::ops::ray_tracing::RayTracingOp;
+use anyhit_engine::ops::shared_access::{SharedPart, SharedUse};
 use anyhit_engine::program::Program;
 
 /// `UniformBufferArrayNonUniformIndexing`
@@ -94,10 +91,8 @@ impl<'a> UniformityPlan<'a> {
 
     /// What must be uniform at an operation; `None` where nothing need be, or constants see to it.
     pub(super) fn of(&self, op: &Op, instruction: InstructionWords<'a>) -> Option<Uniformity> {
-        if let Op::Memory(MemoryOp::BufferLoad {
-            chunk: Chunk { buffer: BufferRef::PushConstants, index: Some(index), .. },
-            ..
-        }) = *op
+        if let Some((_, &Chunk { buffer: BufferRef::PushConstants, index: Some(index), .. })) =
+            op.buffer_load()
         {
             let pointer = access_operand(&self.program.module, op, instruction)?;
             return self.indexes_arrays_alone(pointer).then_some(Uniformity::PushConstants(index));
@@ -354,12 +349,7 @@ fn is_buffer_block(module: &Module, ty: TypeId) -> bool {
 
 /// The register of the index that chooses the hit object of an operation from an array.
 fn hit_object_index(op: &Op) -> Option<Reg> {
-    let object = match op {
-        Op::HitObject(object) => object.object()?,
-        Op::Stop(stop) => stop.hit_object()?,
-        _ => return None,
-    };
-    match object {
+    match op.hit_object()? {
         ObjectRef::Computed { index, .. } => Some(index),
         ObjectRef::Register(_) => None,
     }
@@ -376,26 +366,25 @@ fn hit_object_operand(module: &Module, instruction: InstructionWords<'_>) -> Opt
 /// What an operation does with a resource, and the registers that say which it is.
 #[allow(clippy::type_complexity, reason = "one register or two, as there are images with samplers")]
 fn resource_registers(op: &Op) -> Option<(&'static str, [Option<(Reg, u32)>; 2])> {
-    let handle = |register: Reg| [Some((register, 1)), None];
-    Some(match op {
-        Op::Memory(MemoryOp::BufferLoad { chunk, .. }) => ("read", handle(computed(chunk)?)),
-        Op::Memory(MemoryOp::BufferStore { chunk, .. }) => ("write", handle(computed(chunk)?)),
-        Op::Atomic(atomic) => match &atomic.target {
-            AtomicTarget::Buffer(chunk) => ("update", handle(computed(chunk)?)),
-            AtomicTarget::Texel(texel) => ("update", handle(texel.image)),
-            AtomicTarget::Registers { .. } => return None,
-        },
-        Op::Image(ImageOp::Sample(sample)) => {
-            ("sample", [Some((sample.image, 1)), Some((sample.sampler, 1))])
-        }
-        Op::Image(ImageOp::Read(read)) => ("read", handle(read.texel.image)),
-        Op::Image(ImageOp::Write(write)) => ("write", handle(write.texel.image)),
-        Op::RayQuery(RayQueryOp::Initialize { operands, .. })
-        | Op::Stop(RayTracingOp::TraceRay { operands, .. } | RayTracingOp::HitObjectTrace { operands, .. }) => {
-            ("trace rays in", [Some((*operands, 2)), None])
-        }
-        _ => return None,
-    })
+    if let Some(structure) = op.traced_structure() {
+        return Some(("trace rays in", [Some((structure, 2)), None]));
+    }
+    let mut found = None;
+    op.shared_accesses(&mut |used, part| {
+        let does = match used {
+            SharedUse::Load => "read",
+            SharedUse::Store => "write",
+            SharedUse::Update(_) => "update",
+        };
+        found = match part {
+            SharedPart::Bytes(chunk) => computed(chunk).map(|handle| (does, [Some((handle, 1)), None])),
+            SharedPart::Texel(texel) => Some((does, [Some((texel.image, 1)), None])),
+            SharedPart::Texels { image, sampler } => {
+                sampler.map(|sampler| ("sample", [Some((image, 1)), Some((sampler, 1))]))
+            }
+        };
+    });
+    found
 }
 
 /// The register of a buffer's handle, where a shader computes it.
@@ -410,7 +399,7 @@ fn computed(chunk: &Chunk) -> Option<Reg> {
 fn access_operand(module: &Module, op: &Op, instruction: InstructionWords<'_>) -> Option<Id> {
     use Opcode as O;
     let words = instruction.words;
-    if matches!(op, Op::RayQuery(_) | Op::Stop(_)) {
+    if op.traced_structure().is_some() {
         let is_structure = |id: &Id| {
             module.type_of(*id).is_some_and(|ty| matches!(module.ty(ty), Type::AccelerationStructure))
         };
@@ -418,7 +407,7 @@ fn access_operand(module: &Module, op: &Op, instruction: InstructionWords<'_>) -
     }
     let at = match instruction.opcode? {
         O::Store | O::AtomicStore | O::ImageWrite => 1,
-        O::CopyMemory if matches!(op, Op::Memory(MemoryOp::BufferStore { .. })) => 1,
+        O::CopyMemory if op.buffer_store().is_some() => 1,
         O::CopyMemory => 2,
         // `Frexp` and the like write through a pointer, too.
         O::ExtInst => return None,

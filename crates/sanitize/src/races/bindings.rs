@@ -6,10 +6,8 @@ use rustc_hash::{FxHashMap, FxHashSet};
 
 use crate::plan::ProgramPlan;
 use anyhit_engine::machine::{Binding, Bindings, Descriptor, Resources, ShaderIndex};
-use anyhit_engine::ops::atomic::AtomicTarget;
-use anyhit_engine::ops::image::ImageOp;
-use anyhit_engine::ops::memory::{BufferRef, Chunk, MemoryOp};
-use anyhit_engine::ops::op::Op;
+use anyhit_engine::ops::memory::{BufferRef, Chunk};
+use anyhit_engine::ops::shared_access::SharedPart;
 use anyhit_engine::program::Program;
 
 /// The numbers of the descriptors that shaders access memory through.
@@ -82,16 +80,11 @@ impl Written {
         let mut written = Self::default();
         for program in programs {
             for op in &program.ops {
-                match op {
-                    Op::Memory(MemoryOp::BufferStore { chunk, .. }) => written.add(program, chunk),
-                    Op::Atomic(atomic) => match &atomic.target {
-                        AtomicTarget::Buffer(chunk) => written.add(program, chunk),
-                        AtomicTarget::Texel(_) => written.images = true,
-                        AtomicTarget::Registers { .. } => {}
-                    },
-                    Op::Image(ImageOp::Write(_)) => written.images = true,
-                    _ => {}
-                }
+                op.shared_accesses(&mut |used, part| match part {
+                    SharedPart::Bytes(chunk) if used.may_write() => written.add(program, chunk),
+                    SharedPart::Texel(_) | SharedPart::Texels { .. } => written.images |= used.may_write(),
+                    SharedPart::Bytes(_) => {}
+                });
             }
         }
         written
@@ -115,20 +108,19 @@ impl Written {
                 self.unknown || binding(program, handle).is_some_and(|one| self.bindings.contains(&one))
             }
         };
-        let watched = program.ops.iter().enumerate().map(|(at, op)| match op {
+        let watched = program.ops.iter().enumerate().map(|(at, op)| {
             // Compilers drop loads whose result is unused.
-            _ if program.silent.get(at) == Some(&true) => false,
-            Op::Memory(
-                MemoryOp::BufferLoad { chunk: part, .. } | MemoryOp::BufferStore { chunk: part, .. },
-            ) => chunk(part),
-            Op::Atomic(atomic) => match &atomic.target {
-                AtomicTarget::Buffer(part) => chunk(part),
-                AtomicTarget::Texel(_) => true,
-                AtomicTarget::Registers { .. } => false,
-            },
-            Op::Image(ImageOp::Read(_)) => self.images,
-            Op::Image(ImageOp::Write(_)) => true,
-            _ => false,
+            let mut is_watched = false;
+            if program.silent.get(at) != Some(&true) {
+                op.shared_accesses(&mut |used, part| {
+                    is_watched |= match part {
+                        SharedPart::Bytes(part) => chunk(part),
+                        SharedPart::Texel(_) => used.may_write() || self.images,
+                        SharedPart::Texels { .. } => false,
+                    };
+                });
+            }
+            is_watched
         });
         watched.collect()
     }

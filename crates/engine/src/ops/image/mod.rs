@@ -38,6 +38,7 @@ use anyhit_base::error::Result;
 use crate::ops::access::Access;
 use crate::ops::image::reader::LaneReader;
 use crate::ops::image::view::View;
+use crate::ops::shared_access::{SharedPart, SharedUse, SharedVisitor};
 
 pub use translate::translate;
 
@@ -114,6 +115,22 @@ impl ImageOp {
             Self::Query(op) => op.accesses(visit),
             Self::Footprint(op) => op.accesses(visit),
             Self::Process(op) => op.accesses(visit),
+        }
+    }
+
+    /// See [`crate::ops::op::Op::shared_accesses`].
+    pub(super) fn shared_accesses<'a>(&'a self, visit: &mut SharedVisitor<'_, 'a>) {
+        match self {
+            Self::Read(op) => visit(SharedUse::Load, SharedPart::Texel(&op.texel)),
+            Self::Write(op) => visit(SharedUse::Store, SharedPart::Texel(&op.texel)),
+            Self::Sample(op) => {
+                visit(SharedUse::Load, SharedPart::Texels { image: op.image, sampler: Some(op.sampler) })
+            }
+            Self::Process(op) => {
+                let part = |image| SharedPart::Texels { image, sampler: None };
+                op.images().for_each(|image| visit(SharedUse::Load, part(image)));
+            }
+            Self::Query(_) | Self::Footprint(_) => {}
         }
     }
 

@@ -8,7 +8,6 @@ use rustc_hash::FxHashMap;
 use crate::machine::Reg;
 use crate::math::array;
 use crate::ops::lane_kernel::LaneKernel;
-use crate::ops::memory;
 use crate::ops::op::Op;
 use crate::ops::superop::function::{Function, PairShape, has_operand, opcode};
 use crate::ops::superop::{Operands, SuperCode, SuperOp};
@@ -271,11 +270,11 @@ impl SuperCode {
 /// Appends the functions of an operation: none if it does nothing, two if it is a clamp.
 fn plan(at: usize, op: &Op, result_use: ResultUse, constants: &Constants, planned: &mut Vec<Planned>) {
     let known = match op {
-        Op::Memory(memory::MemoryOp::Move { to, from }) if to == from => return,
+        _ if op.is_noop() => return,
         Op::LaneKernel { kernel, .. } => known_function(kernel),
-        Op::Memory(memory::MemoryOp::Move { .. }) => Some(KnownFunction::Single(Function::Move)),
-        Op::Memory(memory::MemoryOp::MoveMasked { .. }) => Some(KnownFunction::Single(Function::MoveMasked)),
-        _ => None,
+        _ => op.copy().map(|copy| {
+            KnownFunction::Single(if copy.is_masked { Function::MoveMasked } else { Function::Move })
+        }),
     };
     let result = match known {
         Some(KnownFunction::Single(function)) => {
@@ -337,10 +336,10 @@ fn plan_single(
                 array::map([from[0], from[1.min(operands - 1)], from[2.min(operands - 1)]], direct_register);
             (direct_register(*to)?, [a?, b?, c?], operands, kernel.float_result == 32)
         }
-        Op::Memory(memory::MemoryOp::Move { to, from } | memory::MemoryOp::MoveMasked { to, from }) => {
-            (direct_register(*to)?, [direct_register(*from)?; 3], 1, false)
+        _ => {
+            let copy = op.copy()?;
+            (direct_register(copy.to)?, [direct_register(copy.from)?; 3], 1, false)
         }
-        _ => return None,
     };
     // Conversions of integers, and `Step`, give no NaN.
     let float = float && !matches!(function, Function::UToF | Function::SToF | Function::Step);

@@ -1,4 +1,5 @@
 use super::*;
+use crate::ops::op::Op;
 use crate::program::written_program::{
     EXIT, add, add_pairs, branch, branch_if, call, copy, index, one_block, output, program, store,
 };

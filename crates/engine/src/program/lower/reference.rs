@@ -4,9 +4,7 @@
 use rustc_hash::FxHashMap;
 
 use crate::machine::BlockIndex;
-use crate::ops::memory;
 use crate::ops::op::Op;
-use crate::ops::ray_tracing;
 use crate::ops::translate::Origin;
 use crate::program::{OptimizedCode, Program, Superblock};
 
@@ -19,9 +17,8 @@ pub(super) fn complete(program: &mut Program, optimized: &Program) {
     program.silent = silent(program, optimized);
     program.order_dependent = optimized.order_dependent;
     program.accesses.clone_from(&optimized.accesses);
-    program.uses_subgroups = program.ops.iter().any(|op| matches!(op, Op::Subgroup(_)));
-    let addresses = |op: &Op| matches!(op, Op::Stop(ray_tracing::RayTracingOp::HitObjectRecordHandle { .. }));
-    program.addresses_records = program.ops.iter().any(addresses);
+    program.uses_subgroups = program.ops.iter().any(Op::needs_subgroup);
+    program.addresses_records = program.ops.iter().any(Op::addresses_record);
     let superblocks = (0..)
         .map(BlockIndex)
         .zip(&program.blocks)
@@ -39,15 +36,15 @@ type LoadedBytes = Option<(u32, u32, u32)>;
 /// eliminated, too.
 fn silent(program: &Program, optimized: &Program) -> Vec<bool> {
     let mut kept: FxHashMap<Origin, Vec<LoadedBytes>> = FxHashMap::default();
-    for (op, origin) in optimized.ops.iter().zip(&optimized.origins).filter(|(op, _)| may_trap(op)) {
+    for (op, origin) in optimized.ops.iter().zip(&optimized.origins).filter(|(op, _)| op.may_trap()) {
         kept.entry(*origin).or_default().push(loaded_bytes(op));
     }
     let mut counts: FxHashMap<Origin, usize> = FxHashMap::default();
-    for (_, origin) in program.ops.iter().zip(&program.origins).filter(|(op, _)| may_trap(op)) {
+    for (_, origin) in program.ops.iter().zip(&program.origins).filter(|(op, _)| op.may_trap()) {
         *counts.entry(*origin).or_default() += 1;
     }
     let is_silent = |(op, origin): (&Op, &Origin)| {
-        may_trap(op)
+        op.may_trap()
             && match kept.get(origin) {
                 None => true,
                 Some(parts) => parts.len() < counts[origin] && !parts.contains(&loaded_bytes(op)),
@@ -56,26 +53,6 @@ fn silent(program: &Program, optimized: &Program) -> Vec<bool> {
     program.ops.iter().zip(&program.origins).map(is_silent).collect()
 }
 
-fn may_trap(op: &Op) -> bool {
-    use memory::MemoryOp as Memory;
-    !matches!(
-        op,
-        Op::Step
-            | Op::LaneKernel { .. }
-            | Op::Memory(
-                Memory::Move { .. }
-                    | Memory::MoveMasked { .. }
-                    | Memory::Index { .. }
-                    | Memory::Undefine { .. }
-            )
-    )
-}
-
 fn loaded_bytes(op: &Op) -> LoadedBytes {
-    match op {
-        Op::Memory(memory::MemoryOp::BufferLoad { chunk, .. }) => {
-            Some((chunk.offset, chunk.width, chunk.count))
-        }
-        _ => None,
-    }
+    op.buffer_load().map(|(_, chunk)| (chunk.offset, chunk.width, chunk.count))
 }

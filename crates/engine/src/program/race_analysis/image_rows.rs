@@ -3,9 +3,9 @@
 
 use super::{AffineRange, LaunchExtent, Memory, MemoryAccess, StoredMemory, Symbol, ValueTracking};
 use crate::machine::Binding;
-use crate::ops::atomic::AtomicTarget;
 use crate::ops::image::ImageOp;
 use crate::ops::op::Op;
+use crate::ops::shared_access::SharedPart;
 use crate::program::Program;
 
 /// The only row of an image that an invocation accesses.
@@ -85,25 +85,19 @@ fn texels(program: &Program, binding: Binding) -> Vec<Option<AffineRange>> {
     let here = |memory: Memory| [Memory::Binding(binding), Memory::Unknown].contains(&memory);
     let mut rows = Vec::new();
     for op in &program.ops {
-        let place = match op {
-            Op::Image(ImageOp::Read(op)) => &op.texel,
-            Op::Image(ImageOp::Write(op)) => &op.texel,
-            Op::Atomic(op) => match &op.target {
-                AtomicTarget::Texel(place) => place,
-                AtomicTarget::Buffer(_) | AtomicTarget::Registers { .. } => continue,
-            },
-            Op::Image(ImageOp::Sample(op)) if !here(values.handle(op.image)) => continue,
-            Op::Image(ImageOp::Footprint(op)) if !here(values.handle(op.image)) => continue,
-            // A sample may read several rows, and image processing reads several images.
-            Op::Image(ImageOp::Sample(_) | ImageOp::Footprint(_) | ImageOp::Process(_)) => {
-                rows.push(None);
-                continue;
-            }
-            _ => continue,
-        };
-        if !here(values.handle(place.image)) {
-            continue;
+        if let Op::Image(ImageOp::Footprint(op)) = op
+            && here(values.handle(op.image))
+        {
+            rows.push(None);
         }
+        let mut texel = None;
+        op.shared_accesses(&mut |_, part| match part {
+            SharedPart::Texel(one) => texel = Some(one),
+            // A sample may read several rows, and image processing reads several images.
+            SharedPart::Texels { image, .. } if here(values.handle(image)) => rows.push(None),
+            SharedPart::Texels { .. } | SharedPart::Bytes(_) => {}
+        });
+        let Some(place) = texel.filter(|texel| here(values.handle(texel.image))) else { continue };
         // The column does not matter: outside the image the access traps, or is ignored.
         let plain = place.offset.is_none() && place.level.is_none() && place.sample.is_none();
         let row = place.coordinate.get(1).filter(|_| plain).and_then(|&row| values.value(row));

@@ -20,7 +20,6 @@ use crate::ops::arithmetic::FAdd;
 use crate::ops::conversion::{self, Conversion};
 use crate::ops::glsl::{FClamp, Floor, NClamp, Trunc};
 use crate::ops::lane_kernel::LaneKernel;
-use crate::ops::memory::MemoryOp;
 use crate::ops::op::Op;
 
 /// An integer in a float.
@@ -69,8 +68,12 @@ impl ValueTracking<'_> {
             if self.input_of(float).is_some() {
                 return None;
             }
-            float = match *self.writer(float)? {
-                Op::Memory(MemoryOp::Move { from, .. } | MemoryOp::MoveMasked { from, .. }) => from,
+            let writer = self.writer(float)?;
+            if let Some(copy) = writer.copy() {
+                float = copy.from;
+                continue;
+            }
+            float = match *writer {
                 Op::LaneKernel { kernel, from: [a, ..], .. }
                     if converts(kernel, [Conversion::SToF, Conversion::UToF]) =>
                 {

@@ -6,12 +6,11 @@
 use rustc_hash::FxHashMap;
 
 use crate::machine::Reg;
-use crate::ops::memory;
 use crate::ops::op::Op;
 use crate::ops::superop::DIRECT_REGISTERS;
 use crate::program::Program;
-use crate::program::copy_propagation::{AliasedRegisters, for_each_terminator_read, is_noop};
-use crate::program::regalloc::{LocalValues, RegisterPool, for_each_renameable};
+use crate::program::copy_propagation::{AliasedRegisters, for_each_terminator_read};
+use crate::program::regalloc::{LocalValues, RegisterPool};
 
 /// Renames extended registers whose values live longer than a superblock to free direct ones.
 ///
@@ -50,7 +49,7 @@ pub(super) fn rename_values(
     let mut renamed: Vec<Reg> = (0..program.register_count).map(Reg).collect();
     let mut taken = 0;
     for op in ops {
-        for_each_renameable(op, |reg, _| {
+        op.visit_single_registers(|reg, _| {
             // The pool made no new registers, as some were never taken.
             let register = reg.0 as usize;
             if !extended(reg.0) {
@@ -94,12 +93,10 @@ pub(super) fn rename_constants(program: &mut Program, ops: &mut [Op], pool: &Reg
         return;
     }
     // A copy that became a no-op stays one.
-    for op in ops.iter_mut().filter(|op| !is_noop(op)) {
-        if let Op::LaneKernel { .. }
-        | Op::Memory(memory::MemoryOp::Move { .. } | memory::MemoryOp::MoveMasked { .. }) = op
-        {
+    for op in ops.iter_mut().filter(|op| !op.is_noop()) {
+        if op.writes_all_lanes() || op.copy().is_some() {
             // No operation writes the register of a constant: all of these are uses.
-            for_each_renameable(op, |reg, _| {
+            op.visit_single_registers(|reg, _| {
                 if !extended(*reg) {
                     return;
                 }

@@ -14,7 +14,7 @@ fn a_shader_has_fewer_registers_and_moves() {
     assert_eq!(program.optimized.ops.len(), program.ops.len());
     let named = |ops: &[Op]| {
         let mut registers = std::collections::HashSet::new();
-        for op in ops.iter().filter(|op| !is_noop(op)) {
+        for op in ops.iter().filter(|op| !op.is_noop()) {
             op.accesses(|access| {
                 if let Access::Read(first, count) | Access::Write(first, count) = access {
                     registers.extend(first.0..first.0 + count);
@@ -26,11 +26,7 @@ fn a_shader_has_fewer_registers_and_moves() {
     let (before, after) = (named(&program.ops), named(&program.optimized.ops));
     assert!(after * 2 < before, "{after} registers of {before}");
     let moves = |ops: &[Op]| {
-        let is_move = |op: &&Op| {
-            let moves =
-                matches!(op, Op::Memory(memory::MemoryOp::Move { .. } | memory::MemoryOp::MoveMasked { .. }));
-            moves && !is_noop(op)
-        };
+        let is_move = |op: &&Op| op.copy().is_some() && !op.is_noop();
         ops.iter().filter(is_move).count()
     };
     assert!(moves(&program.optimized.ops) < moves(&program.ops));
@@ -61,7 +57,7 @@ fn the_register_of_a_constant_is_not_written() {
         let module = crate::module::Module::open(&path).expect("a valid fixture");
         let program = Program::of(&module, "main").expect("a supported fixture");
         programs += 1;
-        for op in program.optimized.ops.iter().filter(|op| !is_noop(op)) {
+        for op in program.optimized.ops.iter().filter(|op| !op.is_noop()) {
             op.accesses(|access| {
                 let Access::Write(first, count) = access else { return };
                 let written = first.0..first.0 + count;
@@ -153,7 +149,7 @@ fn a_local_value_is_written_and_then_read_in_one_superblock() {
 fn operands_of_one_register_may_be_renamed() {
     let visited = |mut op: Op| {
         let mut visited = Vec::new();
-        for_each_renameable(&mut op, |reg, kind| visited.push((reg.0, kind == OperandKind::Def)));
+        op.visit_single_registers(|reg, kind| visited.push((reg.0, kind == OperandKind::Def)));
         visited
     };
     let (read, written) = (false, true);

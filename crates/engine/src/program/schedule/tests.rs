@@ -1,5 +1,6 @@
 use super::*;
 use crate::ops::arithmetic::{FAdd, FMul};
+use crate::ops::memory;
 
 fn kernel(family: &'static crate::ops::lane_kernel::OpFamily, to: u32, a: u32, b: u32) -> Op {
     let kernel = family.kernel(32).expect("a kernel of 32 bits");
@@ -56,7 +57,7 @@ fn order(ops: &[Op]) -> Vec<usize> {
 }
 
 fn copy(to: u32, from: u32) -> Op {
-    Op::Memory(memory::MemoryOp::Move { to: Reg(to), from: Reg(from) })
+    Op::copy_of(Reg(to), Reg(from))
 }
 
 #[test]

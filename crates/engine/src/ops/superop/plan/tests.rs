@@ -1,5 +1,6 @@
 use super::*;
 use crate::ops::lane_kernel::OpFamily;
+use crate::ops::memory;
 use crate::ops::{arithmetic, bit, glsl};
 
 fn kernel(family: &'static OpFamily, to: u32, from: [u32; 3]) -> Op {
