@@ -3,7 +3,24 @@
 use crate::flushed_use::FlushedUse;
 use anyhit_engine::machine::{Lanes, Reg, Registers};
 use anyhit_engine::math::array;
-use anyhit_engine::ops::lane_kernel::LaneKernel;
+use anyhit_engine::ops::arithmetic::{FAdd, FDiv, FMul, FSub};
+use anyhit_engine::ops::float_controls::rounded_family;
+use anyhit_engine::ops::lane_kernel::{LaneKernel, OpFamily};
+use anyhit_engine::ops::relational_logical as logical;
+
+/// The signs between two operands.
+static SIGNS: [(&[&OpFamily], &str); 10] = [
+    (&[&FAdd], "+"),
+    (&[&FSub], "-"),
+    (&[&FMul], "*"),
+    (&[&FDiv], "/"),
+    (&[&logical::FOrdEqual, &logical::FUnordEqual], "=="),
+    (&[&logical::FOrdNotEqual, &logical::FUnordNotEqual], "!="),
+    (&[&logical::FOrdLessThan, &logical::FUnordLessThan], "<"),
+    (&[&logical::FOrdGreaterThan, &logical::FUnordGreaterThan], ">"),
+    (&[&logical::FOrdLessThanEqual, &logical::FUnordLessThanEqual], "<="),
+    (&[&logical::FOrdGreaterThanEqual, &logical::FUnordGreaterThanEqual], ">="),
+];
 
 /// The operands of a lane kernel in one lane, as bits.
 #[derive(Clone, Copy, Debug)]
@@ -150,22 +167,12 @@ impl LaneOperands {
 
     /// The operation that a kernel does with the operands, as a report shows it.
     pub fn describe_operation(&self, kernel: &LaneKernel) -> String {
-        let sign = match kernel.name.trim_end_matches("TowardZero") {
-            "FAdd" => "+",
-            "FSub" => "-",
-            "FMul" => "*",
-            "FDiv" => "/",
-            "FOrdEqual" | "FUnordEqual" => "==",
-            "FOrdNotEqual" | "FUnordNotEqual" => "!=",
-            "FOrdLessThan" | "FUnordLessThan" => "<",
-            "FOrdGreaterThan" | "FUnordGreaterThan" => ">",
-            "FOrdLessThanEqual" | "FUnordLessThanEqual" => "<=",
-            "FOrdGreaterThanEqual" | "FUnordGreaterThanEqual" => ">=",
-            name => {
-                let count = kernel.operands.iter().filter(|words| **words > 0).count();
-                let operands: Vec<String> = (0..count).map(|at| self.describe(at, true)).collect();
-                return format!("{}({})", name.to_lowercase(), operands.join(", "));
-            }
+        let family = rounded_family(kernel);
+        let known = SIGNS.iter().find(|(families, _)| families.iter().any(|one| std::ptr::eq(*one, family)));
+        let Some((_, sign)) = known else {
+            let count = kernel.operands.iter().filter(|words| **words > 0).count();
+            let operands: Vec<String> = (0..count).map(|at| self.describe(at, true)).collect();
+            return format!("{}({})", family.name.to_lowercase(), operands.join(", "));
         };
         format!("{} {sign} {}", self.describe(0, true), self.describe(1, true))
     }

@@ -6,7 +6,10 @@ use rspirv::spirv::{GlslStd450Op as Glsl, Op};
 use crate::lane_operands::LaneOperands;
 use crate::rule::{Rule, arithmetic};
 use crate::word_range::WordRange;
-use anyhit_engine::ops::lane_kernel::LaneKernel;
+use anyhit_engine::ops::bit::field;
+use anyhit_engine::ops::glsl::parts;
+use anyhit_engine::ops::lane_kernel::{LaneKernel, OpFamily};
+use anyhit_engine::ops::{arithmetic as arithmetic_ops, bit, conversion, glsl, observed, relational_logical};
 
 /// An instruction of SPIR-V or of `GLSL.std.450`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -25,7 +28,7 @@ pub struct OperandCheck {
     /// The instruction.
     pub instruction: CheckedInstruction,
     /// The lane kernel, among those that the instruction becomes, whose operands are checked.
-    pub kernel: &'static str,
+    pub kernel: &'static OpFamily,
     /// The decoration of the instruction's result without which the rule does not apply.
     pub decoration: Option<u32>,
     /// The operands that decide whether the rule is broken.
@@ -44,10 +47,9 @@ pub fn checks_of(
     instruction: CheckedInstruction,
     kernel: &LaneKernel,
 ) -> impl Iterator<Item = &'static OperandCheck> {
-    let name = kernel.name;
     let tables = [CHECKS, NO_SIGNED_WRAP_CHECKS, NO_UNSIGNED_WRAP_CHECKS];
     let all = tables.into_iter().flatten();
-    all.filter(move |check| check.instruction == instruction && check.kernel == name)
+    all.filter(move |check| check.instruction == instruction && kernel.is(check.kernel))
 }
 
 /// Makes a table of the rows of rules, one for each instruction, under a decoration or without. In
@@ -58,13 +60,13 @@ macro_rules! rows {
     (@suspects [$($at:literal),*; $bits:pat => $($suspect:expr),*]) => { |$bits| vec![$($suspect),*] };
     (
         $(#[$doc:meta])* $table:ident $decoration:expr;
-        $($rule:ident $operands:tt: $($set:ident $name:ident $kernel:literal),* => $breaks:expr, $message:expr;)*
+        $($rule:ident $operands:tt: $($set:ident $name:ident ($kernel:path)),* => $breaks:expr, $message:expr;)*
     ) => {
         $(#[$doc])*
         static $table: &[OperandCheck] = &[$($(OperandCheck {
             rule: &arithmetic::$rule,
             instruction: CheckedInstruction::$set($set::$name),
-            kernel: $kernel,
+            kernel: &$kernel,
             decoration: $decoration,
             decided_by: rows!(@decided_by $operands),
             suspects: rows!(@suspects $operands),
@@ -80,19 +82,19 @@ use WordRange as R;
 rows! {
     /// Checks of operations that are decorated `NoSignedWrap`.
     NO_SIGNED_WRAP_CHECKS Some(4469);
-    NO_WRAP_BROKEN [0, 1]: Core IAdd "IAdd"
+    NO_WRAP_BROKEN [0, 1]: Core IAdd (arithmetic_ops::IAdd)
         => |o| o.overflows_signed(|a, b| a + b),
         |o| format!("the signed sum {}, which NoSignedWrap rules out", o.describe_sum("+", true));
-    NO_WRAP_BROKEN [0, 1]: Core ISub "ISub"
+    NO_WRAP_BROKEN [0, 1]: Core ISub (arithmetic_ops::ISub)
         => |o| o.overflows_signed(|a, b| a - b),
         |o| format!("the signed difference {}, which NoSignedWrap rules out", o.describe_sum("-", true));
-    NO_WRAP_BROKEN [0, 1]: Core IMul "IMul"
+    NO_WRAP_BROKEN [0, 1]: Core IMul (arithmetic_ops::IMul)
         => |o| o.overflows_signed(|a, b| a * b),
         |o| format!("the signed product {}, which NoSignedWrap rules out", o.describe_sum("*", true));
-    NO_WRAP_BROKEN [0, 1]: Core ShiftLeftLogical "ShiftLeftLogical"
+    NO_WRAP_BROKEN [0, 1]: Core ShiftLeftLogical (bit::ShiftLeftLogical)
         => |o| o.shifts_out(true),
         |o| format!("the signed shift {}, which NoSignedWrap rules out", o.describe_sum("<<", true));
-    NO_WRAP_BROKEN [0]: Core SNegate "SNegate"
+    NO_WRAP_BROKEN [0]: Core SNegate (arithmetic_ops::SNegate)
         => |o| o.signed(0) == o.least(),
         |o| format!("the negation of {}, the least integer, which NoSignedWrap rules out", o.signed(0));
 }
@@ -100,19 +102,19 @@ rows! {
 rows! {
     /// Checks of operations that are decorated `NoUnsignedWrap`.
     NO_UNSIGNED_WRAP_CHECKS Some(4470);
-    NO_WRAP_BROKEN [0, 1]: Core IAdd "IAdd"
+    NO_WRAP_BROKEN [0, 1]: Core IAdd (arithmetic_ops::IAdd)
         => |o| o.overflows_unsigned(|a, b| a.checked_add(b)),
         |o| format!("the unsigned sum {}, which NoUnsignedWrap rules out", o.describe_sum("+", false));
-    NO_WRAP_BROKEN [0, 1]: Core ISub "ISub"
+    NO_WRAP_BROKEN [0, 1]: Core ISub (arithmetic_ops::ISub)
         => |o| o.overflows_unsigned(|a, b| a.checked_sub(b)),
         |o| format!("the unsigned difference {}, which NoUnsignedWrap rules out", o.describe_sum("-", false));
-    NO_WRAP_BROKEN [0, 1]: Core IMul "IMul"
+    NO_WRAP_BROKEN [0, 1]: Core IMul (arithmetic_ops::IMul)
         => |o| o.overflows_unsigned(|a, b| a.checked_mul(b)),
         |o| format!("the unsigned product {}, which NoUnsignedWrap rules out", o.describe_sum("*", false));
-    NO_WRAP_BROKEN [0, 1]: Core ShiftLeftLogical "ShiftLeftLogical"
+    NO_WRAP_BROKEN [0, 1]: Core ShiftLeftLogical (bit::ShiftLeftLogical)
         => |o| o.shifts_out(false),
         |o| format!("the unsigned shift {}, which NoUnsignedWrap rules out", o.describe_sum("<<", false));
-    NO_WRAP_BROKEN [0]: Core SNegate "SNegate"
+    NO_WRAP_BROKEN [0]: Core SNegate (arithmetic_ops::SNegate)
         => |o| o.unsigned(0) != 0,
         |o| format!("the negation of {}, which NoUnsignedWrap rules out", o.unsigned(0));
 }
@@ -120,141 +122,141 @@ rows! {
 rows! {
     /// Checks of operations whatever their decorations.
     CHECKS None;
-    INT_DIV_ZERO [1; _ => (1, R::ZERO)]: Core UDiv "UDiv", Core SDiv "SDiv"
+    INT_DIV_ZERO [1; _ => (1, R::ZERO)]: Core UDiv (arithmetic_ops::UDiv), Core SDiv (arithmetic_ops::SDiv)
         => |o| o.unsigned(1) == 0, |o| format!("the division of {} by zero", o.describe(0, true));
-    INT_DIV_ZERO [1; _ => (1, R::ZERO)]: Core UMod "UMod", Core SRem "SRem", Core SMod "SMod"
+    INT_DIV_ZERO [1; _ => (1, R::ZERO)]: Core UMod (arithmetic_ops::UMod), Core SRem (arithmetic_ops::SRem), Core SMod (arithmetic_ops::SMod)
         => |o| o.unsigned(1) == 0,
         |o| format!("the remainder of {} divided by zero", o.describe(0, true));
-    INT_DIV_OVERFLOW [0, 1; _ => (0, R::LEAST)]: Core SDiv "SDiv", Core SRem "SRem", Core SMod "SMod"
+    INT_DIV_OVERFLOW [0, 1; _ => (0, R::LEAST)]: Core SDiv (arithmetic_ops::SDiv), Core SRem (arithmetic_ops::SRem), Core SMod (arithmetic_ops::SMod)
         => |o| o.signed(0) == o.least() && o.signed(1) == -1,
         |o| format!("the division of {}, the least integer, by -1", o.signed(0));
-    SREM_NEGATIVE [0, 1; _ => (0, R::NEGATIVE), (1, R::NEGATIVE)]: Core SRem "SRem", Core SMod "SMod"
+    SREM_NEGATIVE [0, 1; _ => (0, R::NEGATIVE), (1, R::NEGATIVE)]: Core SRem (arithmetic_ops::SRem), Core SMod (arithmetic_ops::SMod)
         => |o| o.unsigned(1) != 0 && (o.signed(0) < 0 || o.signed(1) < 0),
         |o| format!("the remainder of {} divided by {}", o.signed(0), o.signed(1));
-    SHIFT_RANGE [1; _ => (1, R::from(32))]: Core ShiftLeftLogical "ShiftLeftLogical", Core ShiftRightLogical "ShiftRightLogical",
-        Core ShiftRightArithmetic "ShiftRightArithmetic"
+    SHIFT_RANGE [1; _ => (1, R::from(32))]: Core ShiftLeftLogical (bit::ShiftLeftLogical), Core ShiftRightLogical (bit::ShiftRightLogical),
+        Core ShiftRightArithmetic (bit::ShiftRightArithmetic)
         => |o| o.unsigned(1) >= u64::from(o.width),
         |o| format!("a shift by {} of a value of {} bits", o.unsigned(1), o.width);
-    BITFIELD_RANGE [0, 1]: Core BitFieldInsert "FieldMask"
+    BITFIELD_RANGE [0, 1]: Core BitFieldInsert (field::FieldMask)
         => |o| o.unsigned(0) + o.unsigned(1) > u64::from(o.width),
         |o| format!("a bit field of {} bits at offset {} in {} bits", o.unsigned(1), o.unsigned(0), o.width);
-    BITFIELD_RANGE [1, 2]: Core BitFieldSExtract "FieldSExtract", Core BitFieldUExtract "FieldUExtract"
+    BITFIELD_RANGE [1, 2]: Core BitFieldSExtract (field::FieldSExtract), Core BitFieldUExtract (field::FieldUExtract)
         => |o| o.unsigned(1) + o.unsigned(2) > u64::from(o.width),
         |o| format!("a bit field of {} bits at offset {} in {} bits", o.unsigned(2), o.unsigned(1), o.width);
-    DOT_OVERFLOW [0, 1]: Core SDotAccSat "IMul", Core SUDotAccSat "IMul"
+    DOT_OVERFLOW [0, 1]: Core SDotAccSat (arithmetic_ops::IMul), Core SUDotAccSat (arithmetic_ops::IMul)
         => |o| o.overflows_signed(|a, b| a * b),
         |o| format!("the product {} of a dot product", o.describe_sum("*", true));
-    DOT_OVERFLOW [0, 1]: Core SDotAccSat "IAdd", Core SUDotAccSat "IAdd"
+    DOT_OVERFLOW [0, 1]: Core SDotAccSat (arithmetic_ops::IAdd), Core SUDotAccSat (arithmetic_ops::IAdd)
         => |o| o.overflows_signed(|a, b| a + b),
         |o| format!("the sum {} of a dot product", o.describe_sum("+", true));
-    DOT_OVERFLOW [0, 1]: Core UDotAccSat "IMul"
+    DOT_OVERFLOW [0, 1]: Core UDotAccSat (arithmetic_ops::IMul)
         => |o| o.overflows_unsigned(|a, b| a.checked_mul(b)),
         |o| format!("the product {} of a dot product", o.describe_sum("*", false));
-    DOT_OVERFLOW [0, 1]: Core UDotAccSat "IAdd"
+    DOT_OVERFLOW [0, 1]: Core UDotAccSat (arithmetic_ops::IAdd)
         => |o| o.overflows_unsigned(|a, b| a.checked_add(b)),
         |o| format!("the sum {} of a dot product", o.describe_sum("+", false));
-    INT_ABS_MIN [0; _ => (0, R::LEAST)]: Core SNegate "SNegate", Glsl SAbs "SAbs"
+    INT_ABS_MIN [0; _ => (0, R::LEAST)]: Core SNegate (arithmetic_ops::SNegate), Glsl SAbs (glsl::SAbs)
         => |o| o.signed(0) == o.least(), |o| format!("the negation of {}, the least integer", o.signed(0));
-    FREM_ZERO [1; _ => (1, R::FLOAT_ZERO)]: Core FRem "FRem", Core FMod "FMod"
+    FREM_ZERO [1; _ => (1, R::FLOAT_ZERO)]: Core FRem (arithmetic_ops::FRem), Core FMod (arithmetic_ops::FMod)
         => |o| o.float(1) == 0.0, |o| format!("the remainder of {} divided by zero", o.describe(0, false));
-    ASIN_ACOS [0; _ => (0, R::magnitude_from(1.0))]: Glsl Asin "Asin" => |o| o.float(0).abs() > 1.0, |o| format!("asin({})", o.describe(0, false));
-    ASIN_ACOS [0; _ => (0, R::magnitude_from(1.0))]: Glsl Acos "Acos" => |o| o.float(0).abs() > 1.0, |o| format!("acos({})", o.describe(0, false));
-    ACOSH_ATANH [0]: Glsl Acosh "Acosh" => |o| o.float(0) < 1.0, |o| format!("acosh({})", o.describe(0, false));
-    ACOSH_ATANH [0; _ => (0, R::magnitude_from(1.0))]: Glsl Atanh "Atanh"
+    ASIN_ACOS [0; _ => (0, R::magnitude_from(1.0))]: Glsl Asin (glsl::Asin) => |o| o.float(0).abs() > 1.0, |o| format!("asin({})", o.describe(0, false));
+    ASIN_ACOS [0; _ => (0, R::magnitude_from(1.0))]: Glsl Acos (glsl::Acos) => |o| o.float(0).abs() > 1.0, |o| format!("acos({})", o.describe(0, false));
+    ACOSH_ATANH [0]: Glsl Acosh (glsl::Acosh) => |o| o.float(0) < 1.0, |o| format!("acosh({})", o.describe(0, false));
+    ACOSH_ATANH [0; _ => (0, R::magnitude_from(1.0))]: Glsl Atanh (glsl::Atanh)
         => |o| o.float(0).abs() >= 1.0, |o| format!("atanh({})", o.describe(0, false));
-    ATAN2_ZERO [0, 1; _ => (0, R::FLOAT_ZERO)]: Glsl Atan2 "Atan2"
+    ATAN2_ZERO [0, 1; _ => (0, R::FLOAT_ZERO)]: Glsl Atan2 (glsl::Atan2)
         => |o| o.float(0) == 0.0 && o.float(1) == 0.0,
         |o| format!("atan({}, {})", o.describe(0, false), o.describe(1, false));
-    POW_DOMAIN [0, 1; _ => (0, R::NOT_POSITIVE)]: Glsl Pow "Pow"
+    POW_DOMAIN [0, 1; _ => (0, R::NOT_POSITIVE)]: Glsl Pow (glsl::Pow)
         => |o| o.float(0) < 0.0 || (o.float(0) == 0.0 && o.float(1) <= 0.0),
         |o| format!("pow({}, {})", o.describe(0, false), o.describe(1, false));
-    LOG_DOMAIN [0; _ => (0, R::NOT_POSITIVE)]: Glsl Log "Log" => |o| o.float(0) <= 0.0, |o| format!("log({})", o.describe(0, false));
-    LOG_DOMAIN [0; _ => (0, R::NOT_POSITIVE)]: Glsl Log2 "Log2" => |o| o.float(0) <= 0.0, |o| format!("log2({})", o.describe(0, false));
-    SQRT_DOMAIN [0; _ => (0, R::NOT_POSITIVE)]: Glsl Sqrt "Sqrt" => |o| o.float(0) < 0.0, |o| format!("sqrt({})", o.describe(0, false));
-    SQRT_DOMAIN [0; _ => (0, R::NOT_POSITIVE)]: Glsl InverseSqrt "InverseSqrt"
+    LOG_DOMAIN [0; _ => (0, R::NOT_POSITIVE)]: Glsl Log (glsl::Log) => |o| o.float(0) <= 0.0, |o| format!("log({})", o.describe(0, false));
+    LOG_DOMAIN [0; _ => (0, R::NOT_POSITIVE)]: Glsl Log2 (glsl::Log2) => |o| o.float(0) <= 0.0, |o| format!("log2({})", o.describe(0, false));
+    SQRT_DOMAIN [0; _ => (0, R::NOT_POSITIVE)]: Glsl Sqrt (glsl::Sqrt) => |o| o.float(0) < 0.0, |o| format!("sqrt({})", o.describe(0, false));
+    SQRT_DOMAIN [0; _ => (0, R::NOT_POSITIVE)]: Glsl InverseSqrt (glsl::InverseSqrt)
         => |o| o.float(0) <= 0.0, |o| format!("inversesqrt({})", o.describe(0, false));
-    MINMAX_NAN [0, 1; _ => (0, R::NAN), (1, R::NAN)]: Glsl FMin "FMin"
+    MINMAX_NAN [0, 1; _ => (0, R::NAN), (1, R::NAN)]: Glsl FMin (glsl::FMin)
         => |o| o.float(0).is_nan() || o.float(1).is_nan(),
         |o| format!("min({}, {})", o.describe(0, false), o.describe(1, false));
-    MINMAX_NAN [0, 1; _ => (0, R::NAN), (1, R::NAN)]: Glsl FMax "FMax"
+    MINMAX_NAN [0, 1; _ => (0, R::NAN), (1, R::NAN)]: Glsl FMax (glsl::FMax)
         => |o| o.float(0).is_nan() || o.float(1).is_nan(),
         |o| format!("max({}, {})", o.describe(0, false), o.describe(1, false));
-    MINMAX_NAN [0, 1; _ => (0, R::NAN), (1, R::NAN)]: Glsl Step "Step"
+    MINMAX_NAN [0, 1; _ => (0, R::NAN), (1, R::NAN)]: Glsl Step (glsl::Step)
         => |o| o.float(0).is_nan() || o.float(1).is_nan(),
         |o| format!("step({}, {})", o.describe(0, false), o.describe(1, false));
-    MINMAX_NAN [0, 1, 2; _ => (0, R::NAN), (1, R::NAN), (2, R::NAN)]: Glsl FClamp "FClamp"
+    MINMAX_NAN [0, 1, 2; _ => (0, R::NAN), (1, R::NAN), (2, R::NAN)]: Glsl FClamp (glsl::FClamp)
         => |o| (0..3).any(|at| o.float(at).is_nan()),
         |o| format!("clamp({}, {}, {})", o.describe(0, false), o.describe(1, false), o.describe(2, false));
-    CLAMP_INVERTED [1, 2]: Glsl FClamp "FClamp", Glsl NClamp "NClamp"
+    CLAMP_INVERTED [1, 2]: Glsl FClamp (glsl::FClamp), Glsl NClamp (glsl::NClamp)
         => |o| o.float(1) > o.float(2),
         |o| format!("clamp({}, {}, {})", o.describe(0, false), o.describe(1, false), o.describe(2, false));
-    CLAMP_INVERTED [1, 2]: Glsl UClamp "UClamp"
+    CLAMP_INVERTED [1, 2]: Glsl UClamp (glsl::UClamp)
         => |o| o.unsigned(1) > o.unsigned(2),
         |o| format!("clamp({}, {}, {})", o.unsigned(0), o.unsigned(1), o.unsigned(2));
-    CLAMP_INVERTED [1, 2]: Glsl SClamp "SClamp"
+    CLAMP_INVERTED [1, 2]: Glsl SClamp (glsl::SClamp)
         => |o| o.signed(1) > o.signed(2),
         |o| format!("clamp({}, {}, {})", o.signed(0), o.signed(1), o.signed(2));
-    SMOOTHSTEP_EDGES [0, 1]: Glsl SmoothStep "SmoothStep"
+    SMOOTHSTEP_EDGES [0, 1]: Glsl SmoothStep (glsl::SmoothStep)
         => |o| o.float(0) >= o.float(1),
         |o| format!("smoothstep({}, {}, ...)", o.describe(0, false), o.describe(1, false));
-    NORMALIZE_ZERO [0; _ => (0, R::FLOAT_ZERO), (0, R::SPECIAL)]: Glsl Normalize "InverseSqrt"
+    NORMALIZE_ZERO [0; _ => (0, R::FLOAT_ZERO), (0, R::SPECIAL)]: Glsl Normalize (glsl::InverseSqrt)
         => |o| o.float(0) == 0.0 || o.float(0).is_infinite(),
         |o| match o.float(0) == 0.0 {
             true => "the normalization of a vector whose length, or its square, is 0".to_owned(),
             false => "the normalization of a vector whose squared length overflows".to_owned(),
         };
-    LDEXP_RANGE [1]: Glsl Ldexp "Ldexp"
+    LDEXP_RANGE [1]: Glsl Ldexp (glsl::Ldexp)
         => |o| i64::from(o.unsigned(1) as u32 as i32) > match o.width { 16 => 16, 32 => 128, _ => 1024 },
         |o| format!("ldexp({}, {})", o.describe(0, false), o.unsigned(1) as u32 as i32);
-    INVERSE_SINGULAR [1; _ => (1, R::FLUSHED), (1, R::SPECIAL)]: Glsl MatrixInverse "FDiv"
+    INVERSE_SINGULAR [1; _ => (1, R::FLUSHED), (1, R::SPECIAL)]: Glsl MatrixInverse (arithmetic_ops::FDiv)
         => |o| o.float(1).abs() < o.least_normal() || o.float(1).is_infinite(),
         |o| format!("the inverse of a matrix whose determinant is {}", o.describe(1, false));
-    PACKDOUBLE_SPECIAL [1]: Glsl PackDouble2x32 "PackedDouble"
+    PACKDOUBLE_SPECIAL [1]: Glsl PackDouble2x32 (observed::PackedDouble)
         => |o| o.unsigned(1) >> 20 & 0x7FF == 0x7FF,
         |o| format!("packDouble2x32(uvec2({:#x}, {:#x})), no finite number", o.unsigned(0), o.unsigned(1));
-    ASSUME_FALSE [0; _ => (0, R::ZERO)]: Core AssumeTrueKHR "Assumption"
+    ASSUME_FALSE [0; _ => (0, R::ZERO)]: Core AssumeTrueKHR (observed::Assumption)
         => |o| o.unsigned(0) == 0, |_| "an assumption that is false".to_owned();
-    TRIG_SPECIAL [0; _ => (0, R::SPECIAL)]: Glsl Sin "Sin"
+    TRIG_SPECIAL [0; _ => (0, R::SPECIAL)]: Glsl Sin (glsl::Sin)
         => |o| o.float(0).is_infinite(), |o| format!("sin({})", o.describe(0, false));
-    TRIG_SPECIAL [0; _ => (0, R::SPECIAL)]: Glsl Cos "Cos"
+    TRIG_SPECIAL [0; _ => (0, R::SPECIAL)]: Glsl Cos (glsl::Cos)
         => |o| o.float(0).is_infinite(), |o| format!("cos({})", o.describe(0, false));
-    TRIG_SPECIAL [0; _ => (0, R::SPECIAL)]: Glsl Tan "Tan"
+    TRIG_SPECIAL [0; _ => (0, R::SPECIAL)]: Glsl Tan (glsl::Tan)
         => |o| o.float(0).is_infinite(), |o| format!("tan({})", o.describe(0, false));
-    TRIG_SPECIAL [0; _ => (0, R::SPECIAL)]: Glsl Fract "Fract"
+    TRIG_SPECIAL [0; _ => (0, R::SPECIAL)]: Glsl Fract (glsl::Fract)
         => |o| o.float(0).is_infinite(), |o| format!("fract({})", o.describe(0, false));
-    FLOAT_NARROW [0]: Core FConvert "Convert"
+    FLOAT_NARROW [0]: Core FConvert (conversion::CONVERT)
         => |o| o.narrows_to_infinity(o.float_result),
         |o| format!("the conversion of {} to a float of {} bits", o.describe(0, false), o.float_result);
-    FLOAT_NARROW [0]: Glsl PackHalf2x16 "Half"
+    FLOAT_NARROW [0]: Glsl PackHalf2x16 (parts::Half)
         => |o| o.narrows_to_infinity(16), |o| format!("the conversion of {} to a half", o.describe(0, false));
-    FREXP_SPECIAL [0; _ => (0, R::SPECIAL)]: Glsl Frexp "FrexpMantissa", Glsl FrexpStruct "FrexpMantissa"
+    FREXP_SPECIAL [0; _ => (0, R::SPECIAL)]: Glsl Frexp (parts::FrexpMantissa), Glsl FrexpStruct (parts::FrexpMantissa)
         => |o| !o.float(0).is_finite(), |o| format!("frexp({})", o.describe(0, false));
-    FLOAT_TO_INT [0; bits => (0, R::power_from(bits - 1))]: Core ConvertFToS "Convert"
+    FLOAT_TO_INT [0; bits => (0, R::power_from(bits - 1))]: Core ConvertFToS (conversion::CONVERT)
         => |o| !o.fits(true),
         |o| format!("the conversion of {} to a signed integer of {} bits", o.describe(0, false), o.result_width);
-    FLOAT_TO_INT [0; bits => (0, R::NEGATIVE), (0, R::power_from(bits))]: Core ConvertFToU "Convert"
+    FLOAT_TO_INT [0; bits => (0, R::NEGATIVE), (0, R::power_from(bits))]: Core ConvertFToU (conversion::CONVERT)
         => |o| !o.fits(false),
         |o| format!("the conversion of {} to an unsigned integer of {} bits", o.describe(0, false), o.result_width);
-    FDIV_RANGE [1; _ => (1, R::magnitude_from(8.507_059e37))]: Core FDiv "FDiv"
+    FDIV_RANGE [1; _ => (1, R::magnitude_from(8.507_059e37))]: Core FDiv (arithmetic_ops::FDiv)
         => |o| o.float(1).is_finite() && o.float(1).abs() > 2f64.powi(o.greatest_divisor()),
         |o| format!(
             "{} / {}: the error of a division is not bounded where its divisor is above 2^{}",
             o.describe(0, false), o.describe(1, false), o.greatest_divisor()
         );
-    ROUND_HALF [0]: Glsl Round "Round"
+    ROUND_HALF [0]: Glsl Round (glsl::Round)
         => |o| o.float(0).fract().abs() == 0.5,
         |o| format!("round({}), which may be {} or {}", o.describe(0, false), o.float(0).floor(), o.float(0).ceil());
-    SIGN_NAN [0; _ => (0, R::NAN)]: Glsl FSign "FSign"
+    SIGN_NAN [0; _ => (0, R::NAN)]: Glsl FSign (glsl::FSign)
         => |o| o.float(0).is_nan(), |_| "sign() of a NaN".to_owned();
-    REFLECT_UNIT [0; _ => (0, R::outside(0.981, 1.02))]: Glsl Reflect "SquaredLength"
+    REFLECT_UNIT [0; _ => (0, R::outside(0.981, 1.02))]: Glsl Reflect (observed::SquaredLength)
         => |o| !o.is_square_of_unit(),
         |o| format!("reflect() by a normal of length {:.4}", o.float(0).sqrt());
-    REFLECT_UNIT [0; _ => (0, R::outside(0.981, 1.02))]: Glsl Refract "SquaredLength"
+    REFLECT_UNIT [0; _ => (0, R::outside(0.981, 1.02))]: Glsl Refract (observed::SquaredLength)
         => |o| !o.is_square_of_unit(),
         |o| format!("refract() of a vector of length {:.4}", o.float(0).sqrt());
-    NAN_TEST_FOLDED [0; _ => (0, R::SPECIAL)]: Core IsNan "IsNan" => |o| o.float(0).is_nan(),
+    NAN_TEST_FOLDED [0; _ => (0, R::SPECIAL)]: Core IsNan (relational_logical::IsNan) => |o| o.float(0).is_nan(),
         |_| "isnan() holds, though it may be folded to false: the shader does not preserve NaN".into();
-    NAN_TEST_FOLDED [0; _ => (0, R::SPECIAL)]: Core IsInf "IsInf" => |o| o.float(0).is_infinite(),
+    NAN_TEST_FOLDED [0; _ => (0, R::SPECIAL)]: Core IsInf (relational_logical::IsInf) => |o| o.float(0).is_infinite(),
         |_| "isinf() holds, though it may be folded to false: the shader does not preserve infinity".into();
 }
 

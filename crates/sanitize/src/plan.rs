@@ -20,10 +20,10 @@ use crate::flushed_use::{FlushedUse, comparison};
 use crate::rule::{Rule, arithmetic, subgroup};
 use anyhit_engine::machine::{BlockIndex, OpIndex, Reg};
 use anyhit_engine::module::{Id, Module};
-use anyhit_engine::ops::observed;
 use anyhit_engine::ops::op::Op;
 use anyhit_engine::ops::ray_query::RayQueryOp;
 use anyhit_engine::ops::subgroup::{ReadSource, SubgroupKind};
+use anyhit_engine::ops::{address, observed};
 use anyhit_engine::program::{InstructionSpan, Program};
 pub use counters::FloatCounter;
 use counters::float_counters;
@@ -207,7 +207,7 @@ fn step(
                 result_width,
                 preserves_special: preserved.specials(module, instruction, kernel.float_result),
                 watches_special: compares && kernel.float_operands[0] > 0 && kernel.float_result == 0,
-                expects: kernel.name == observed::Expectation.name,
+                expects: kernel.is(&observed::Expectation),
                 flushed: flushed.filter(|_| !is_normal(1) && !is_normal(0)),
                 fast_math: FastMath::of(instruction, module, kernel),
                 ..OpPlan::default()
@@ -239,7 +239,7 @@ fn watched(
     const DEVICE_ADDRESSES: u32 = 5347;
     use Opcode as O;
     let Op::LaneKernel { kernel, .. } = op else { return None };
-    if kernel.name == "AddressElement" {
+    if kernel.is(&address::kernels::AddressElement) {
         return Some(Watched::Address { is_chain: true });
     }
     let operand = |at: usize| instruction.words.get(3 + at).map(|&id| Id(id));

@@ -15,7 +15,7 @@ use crate::math::float;
 #[cfg(target_arch = "x86_64")]
 use crate::math::lane_ops::{LaneOps, LaneTask};
 use crate::ops::lane_kernel::lane_kernels;
-use crate::ops::lane_kernel::{LaneKernel, LaneLoop, ScalarWidth, Unary};
+use crate::ops::lane_kernel::{InstructionSet, LaneKernel, LaneLoop, OpFamily, ScalarWidth, Unary};
 
 macro_rules! conversions {
     ($($name:ident: $($from:ty => $to:ty),+;)+) => {$(
@@ -24,14 +24,18 @@ macro_rules! conversions {
             pub(super) static KERNELS: &[(u32, LaneKernel)] = &[$((
                 <$to as ScalarWidth>::BITS,
                 if <$from as ScalarWidth>::FLOAT == 32 && <$to as ScalarWidth>::BITS == 32 && <$to as ScalarWidth>::SIGNED {
-                    with_simd_truncation(crate::ops::lane_kernel::lane_kernel!(Convert, $from, (a: $from), $to, Between<$from, $to>))
+                    with_simd_truncation(crate::ops::lane_kernel::lane_kernel!(Convert, &CONVERT, $from, (a: $from), $to, Between<$from, $to>))
                 } else {
-                    crate::ops::lane_kernel::lane_kernel!(Convert, $from, (a: $from), $to, Between<$from, $to>)
+                    crate::ops::lane_kernel::lane_kernel!(Convert, &CONVERT, $from, (a: $from), $to, Between<$from, $to>)
                 },
             )),+];
         }
     )+};
 }
+
+/// All conversions, whose kernels are found by their types: see [`kernel`].
+pub static CONVERT: OpFamily =
+    OpFamily { name: "Convert", set: InstructionSet::Internal, number: u32::MAX, kernels: &[] };
 
 /// The kernel from f32 to i32, with the processor's own conversion for 64 lanes.
 const fn with_simd_truncation(kernel: LaneKernel) -> LaneKernel {

@@ -26,10 +26,12 @@ use crate::machine::Reg;
 use crate::math::float::Float;
 use crate::math::toward_zero::{self, RoundTowardZero, UnpackedFloat};
 use crate::module::interface::EntryPoint;
+use crate::ops::conversion::CONVERT;
 use crate::ops::conversion::encoded::Rounding;
-use crate::ops::lane_kernel::LaneKernel;
 use crate::ops::lane_kernel::lane_kernels;
+use crate::ops::lane_kernel::{LaneKernel, OpFamily};
 use crate::ops::translate::Translator;
+use crate::ops::{arithmetic, glsl};
 use anyhit_base::error::Result;
 
 /// The widths that an entry point's modes name, as a mask of 16, 32 and 64.
@@ -104,26 +106,63 @@ fn flush_denormal(translator: &mut Translator<'_>, width: u32, reg: Reg) -> Resu
     }
 }
 
-/// The kernel that rounds towards zero in the place of one that rounds to nearest.
-fn toward_zero_counterpart(kernel: &LaneKernel) -> Option<&'static LaneKernel> {
-    let (sections, name) = match kernel.name {
-        "Convert" => (CONVERSIONS, conversion_name(kernel)),
-        name => (&[FAMILIES][..], name),
-    };
-    let families = sections.iter().copied().flatten();
-    families.flat_map(|family| family.kernels).find(|cut| {
-        cut.name.strip_suffix("TowardZero") == Some(name)
-            && cut.width == kernel.width
-            && cut.float_result == kernel.float_result
-    })
+/// The families that round towards zero, each with the one in whose place it is.
+static COUNTERPARTS: [(&OpFamily, &OpFamily); 13] = [
+    (&FAddTowardZero, &arithmetic::FAdd),
+    (&FSubTowardZero, &arithmetic::FSub),
+    (&FMulTowardZero, &arithmetic::FMul),
+    (&FDivTowardZero, &arithmetic::FDiv),
+    (&FmaKHRTowardZero, &arithmetic::FmaKHR),
+    (&FRemTowardZero, &arithmetic::FRem),
+    (&FModTowardZero, &arithmetic::FMod),
+    (&FractTowardZero, &glsl::Fract),
+    (&RadiansTowardZero, &glsl::Radians),
+    (&DegreesTowardZero, &glsl::Degrees),
+    (&FmaTowardZero, &glsl::Fma),
+    (&FMixTowardZero, &glsl::FMix),
+    (&SmoothStepTowardZero, &glsl::SmoothStep),
+];
+
+/// The family of a kernel, or the one in whose place it rounds towards zero.
+pub fn rounded_family(kernel: &LaneKernel) -> &'static OpFamily {
+    if conversions_toward_zero().any(|family| kernel.is(family)) {
+        return &CONVERT;
+    }
+    COUNTERPARTS.iter().find(|(cut, _)| kernel.is(cut)).map_or(kernel.family, |(_, family)| family)
 }
 
-/// The name of the instruction that a conversion to a float belongs to.
-fn conversion_name(kernel: &LaneKernel) -> &'static str {
-    match (kernel.float_operands[0], kernel.signed) {
-        (0, true) => "ConvertSToF",
-        (0, false) => "ConvertUToF",
-        _ => "FConvert",
+fn conversions_toward_zero() -> impl Iterator<Item = &'static OpFamily> {
+    CONVERSIONS.iter().flat_map(|(_, families)| families.iter().copied())
+}
+
+/// The kernel that rounds towards zero in the place of one that rounds to nearest.
+fn toward_zero_counterpart(kernel: &LaneKernel) -> Option<&'static LaneKernel> {
+    if !kernel.is(&CONVERT) {
+        let (cut, _) = COUNTERPARTS.iter().find(|(_, family)| kernel.is(family))?;
+        return cut.kernels.iter().find(|cut| cut.width == kernel.width);
+    }
+    let kind = Source::of(kernel);
+    let families = CONVERSIONS.iter().filter(|(of, _)| *of == kind).flat_map(|(_, families)| families.iter());
+    families
+        .flat_map(|family| family.kernels)
+        .find(|cut| cut.width == kernel.width && cut.float_result == kernel.float_result)
+}
+
+/// What is converted to a float.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Source {
+    Signed,
+    Unsigned,
+    Float,
+}
+
+impl Source {
+    fn of(kernel: &LaneKernel) -> Self {
+        match (kernel.float_operands[0], kernel.signed) {
+            (0, true) => Self::Signed,
+            (0, false) => Self::Unsigned,
+            _ => Self::Float,
+        }
     }
 }
 
@@ -178,25 +217,25 @@ lane_kernels! {
 }
 
 macro_rules! conversions {
-    ($($module:ident $name:ident $to:ty: [$($from:ty)*] |$a:ident| $body:expr;)*) => {
+    ($($module:ident $source:ident $name:ident $to:ty: [$($from:ty)*] |$a:ident| $body:expr;)*) => {
         $(mod $module {
             use super::*;
             lane_kernels! { $name Internal [$($from)*] ($a: T) -> $to { $body } }
         })*
         /// Conversions to floats.
-        static CONVERSIONS: &[&[&crate::ops::lane_kernel::OpFamily]] = &[$($module::FAMILIES),*];
+        static CONVERSIONS: &[(Source, &[&OpFamily])] = &[$((Source::$source, $module::FAMILIES)),*];
     };
 }
 
 conversions! {
-    signed16 ConvertSToFTowardZero f16: [i8 i16 i32 i64] |a| UnpackedFloat::integer(a < 0, u64::from(a.unsigned_abs())).truncate();
-    signed32 ConvertSToFTowardZero f32: [i8 i16 i32 i64] |a| UnpackedFloat::integer(a < 0, u64::from(a.unsigned_abs())).truncate();
-    signed64 ConvertSToFTowardZero f64: [i8 i16 i32 i64] |a| UnpackedFloat::integer(a < 0, u64::from(a.unsigned_abs())).truncate();
-    unsigned16 ConvertUToFTowardZero f16: [u8 u16 u32 u64] |a| UnpackedFloat::integer(false, u64::from(a)).truncate();
-    unsigned32 ConvertUToFTowardZero f32: [u8 u16 u32 u64] |a| UnpackedFloat::integer(false, u64::from(a)).truncate();
-    unsigned64 ConvertUToFTowardZero f64: [u8 u16 u32 u64] |a| UnpackedFloat::integer(false, u64::from(a)).truncate();
-    to_half FConvertTowardZero f16: [f32 f64] |a| toward_zero::convert(a, crate::math::float::f64_to_f16(f64::from(a)));
-    to_single FConvertTowardZero f32: [f64] |a| toward_zero::convert(a, a as f32);
+    signed16 Signed ConvertSToFTowardZero f16: [i8 i16 i32 i64] |a| UnpackedFloat::integer(a < 0, u64::from(a.unsigned_abs())).truncate();
+    signed32 Signed ConvertSToFTowardZero f32: [i8 i16 i32 i64] |a| UnpackedFloat::integer(a < 0, u64::from(a.unsigned_abs())).truncate();
+    signed64 Signed ConvertSToFTowardZero f64: [i8 i16 i32 i64] |a| UnpackedFloat::integer(a < 0, u64::from(a.unsigned_abs())).truncate();
+    unsigned16 Unsigned ConvertUToFTowardZero f16: [u8 u16 u32 u64] |a| UnpackedFloat::integer(false, u64::from(a)).truncate();
+    unsigned32 Unsigned ConvertUToFTowardZero f32: [u8 u16 u32 u64] |a| UnpackedFloat::integer(false, u64::from(a)).truncate();
+    unsigned64 Unsigned ConvertUToFTowardZero f64: [u8 u16 u32 u64] |a| UnpackedFloat::integer(false, u64::from(a)).truncate();
+    to_half Float FConvertTowardZero f16: [f32 f64] |a| toward_zero::convert(a, crate::math::float::f64_to_f16(f64::from(a)));
+    to_single Float FConvertTowardZero f32: [f64] |a| toward_zero::convert(a, a as f32);
 }
 
 #[cfg(test)]

@@ -41,6 +41,8 @@ pub enum InstructionSet {
 pub struct LaneKernel {
     /// The specification's name, without `Op`.
     pub name: &'static str,
+    /// The instruction at all its widths.
+    pub family: &'static OpFamily,
     /// Bits of the operand that selects the kernel; 0 where there is only one.
     pub width: u32,
     /// Words of the result.
@@ -128,6 +130,17 @@ impl Width<128> for LaneKernel {
 }
 
 impl LaneKernel {
+    /// Whether it is the instruction of a family at some width.
+    #[inline]
+    pub fn is(&self, family: &OpFamily) -> bool {
+        std::ptr::eq(self.family, family)
+    }
+
+    /// Whether it is the instruction of one of these families.
+    pub fn is_one_of(&self, families: &[&OpFamily]) -> bool {
+        families.iter().any(|family| self.is(family))
+    }
+
     #[cfg_attr(not(target_arch = "x86_64"), allow(unused_variables, reason = "AVX2 is of x86-64"))]
     #[inline]
     fn run_64(&self, cpu_tier: CpuTier, registers: &mut [Lanes<64>], to: Reg, from: &[Reg; 3]) {
@@ -248,7 +261,7 @@ macro_rules! lane_kernels {
                 name: stringify!($name),
                 set: $crate::ops::lane_kernel::InstructionSet::$set,
                 number: $crate::ops::lane_kernel::number!($set, $name),
-                kernels: &[$($crate::ops::lane_kernel::lane_kernel!($name, $ty, $args, $result, $name<$ty>)),*],
+                kernels: &[$($crate::ops::lane_kernel::lane_kernel!($name, &$name, $ty, $args, $result, $name<$ty>)),*],
             };
             #[doc = concat!("The lane loop of `", stringify!($name), "` on a type.")]
             pub(crate) struct $name<T> {
@@ -388,7 +401,7 @@ pub(crate) use lane_loop;
 /// [`LaneLoop`](crate::ops::lane_kernel::LaneLoop).
 #[doc(hidden)]
 macro_rules! lane_kernel {
-    ($name:ident, $ty:ty, ($($a:ident: $at:ty),*), $result:ty, $lanes:ty) => {{
+    ($name:ident, $family:expr, $ty:ty, ($($a:ident: $at:ty),*), $result:ty, $lanes:ty) => {{
         #[allow(dead_code)]
         type T = $ty;
         fn eval<const W: usize>(
@@ -412,6 +425,7 @@ macro_rules! lane_kernel {
         use eval as eval_64;
         $crate::ops::lane_kernel::LaneKernel {
             name: stringify!($name),
+            family: $family,
             width: <$ty as $crate::ops::lane_kernel::ScalarWidth>::BITS,
             words: <$result as $crate::machine::Scalar>::WORDS,
             operands: $crate::ops::lane_kernel::operands(&[$(<$at as $crate::machine::Scalar>::WORDS),*]),

@@ -5,8 +5,9 @@ use std::collections::HashMap;
 use std::sync::LazyLock;
 
 use crate::machine::{Reg, Registers};
+use crate::ops::glsl::parts;
 use crate::ops::lane_kernel::{LaneKernel, OpFamily, Width};
-use crate::ops::{SECTIONS, conversion, float_controls, glsl, relational_logical};
+use crate::ops::{SECTIONS, bit, conversion, float_controls, glsl, relational_logical};
 
 /// The effect of a lane kernel on shadow values, which are f64.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -58,19 +59,26 @@ fn family_shadow(family: &'static OpFamily, kernel: &LaneKernel) -> ShadowOp {
     if kernel.width == 0 {
         return ShadowOp::Logical;
     }
-    match family.name {
-        "Half" | "Snorm16" | "Unorm16" => return ShadowOp::Pack(16),
-        "Snorm8" | "Unorm8" => return ShadowOp::Pack(8),
-        "FromHalf" | "FromSnorm16" | "FromUnorm16" => return ShadowOp::Unpack(16),
-        "FromSnorm8" | "FromUnorm8" => return ShadowOp::Unpack(8),
-        "BitwiseOr" if kernel.width == 32 => return ShadowOp::Join,
-        _ => {}
+    if kernel.is_one_of(&[&parts::Half, &parts::Snorm16, &parts::Unorm16]) {
+        return ShadowOp::Pack(16);
+    }
+    if kernel.is_one_of(&[&parts::Snorm8, &parts::Unorm8]) {
+        return ShadowOp::Pack(8);
+    }
+    if kernel.is_one_of(&[&parts::FromHalf, &parts::FromSnorm16, &parts::FromUnorm16]) {
+        return ShadowOp::Unpack(16);
+    }
+    if kernel.is_one_of(&[&parts::FromSnorm8, &parts::FromUnorm8]) {
+        return ShadowOp::Unpack(8);
+    }
+    if kernel.is(&bit::BitwiseOr) && kernel.width == 32 {
+        return ShadowOp::Join;
     }
     let takes_floats = kernel.float_operands.iter().any(|&width| width > 0);
     let Some(wide) = family.kernel(64).filter(|wide| takes_floats && wide.float_operands[0] == 64) else {
         return ShadowOp::None;
     };
-    let compares = relational_logical::FAMILIES.iter().any(|known| known.name == family.name);
+    let compares = relational_logical::FAMILIES.iter().any(|known| kernel.is(known));
     match (kernel.float_result > 0, compares) {
         (true, _) => ShadowOp::Number(wide),
         (false, true) => ShadowOp::Comparison(wide),
@@ -79,7 +87,7 @@ fn family_shadow(family: &'static OpFamily, kernel: &LaneKernel) -> ShadowOp {
 }
 
 fn conversion_shadow(kernel: &'static LaneKernel) -> Option<ShadowOp> {
-    if kernel.name != "Convert" {
+    if !kernel.is(&conversion::CONVERT) {
         return None;
     }
     Some(match (kernel.float_operands[0] > 0, kernel.float_result > 0) {
@@ -99,20 +107,18 @@ fn controlled_shadow(kernel: &'static LaneKernel) -> Option<ShadowOp> {
     if float_controls::FlushDenormal.kernels.contains(kernel) {
         return Some(ShadowOp::Identity);
     }
-    let name = kernel.name.strip_suffix("TowardZero")?;
-    if let Some(kind) = match name {
-        "ConvertSToF" => Some(conversion::Conversion::SToF),
-        "ConvertUToF" => Some(conversion::Conversion::UToF),
-        _ => None,
-    } {
-        return conversion::kernel(kind, kernel.width, 64).map(ShadowOp::Number);
+    let family = float_controls::rounded_family(kernel);
+    if kernel.is(family) {
+        return None;
     }
-    if name == "FConvert" {
+    if !std::ptr::eq(family, &conversion::CONVERT) {
+        return family.kernel(64).map(ShadowOp::Number);
+    }
+    if kernel.float_operands[0] > 0 {
         return Some(ShadowOp::Identity);
     }
-    let mut families = SECTIONS.iter().flat_map(|section| section.iter());
-    let family = families.find(|family| family.name == name)?;
-    family.kernel(64).map(ShadowOp::Number)
+    let kind = if kernel.signed { conversion::Conversion::SToF } else { conversion::Conversion::UToF };
+    conversion::kernel(kind, kernel.width, 64).map(ShadowOp::Number)
 }
 
 /// A register file of one lane, in which single kernels run.

@@ -9,8 +9,23 @@ use crate::report::specials::SpecialSink;
 use crate::rule::{Rule, arithmetic};
 use crate::sanitizer::Sanitizer;
 use anyhit_engine::machine::{Batch, Mask, NO_CAUSE, OpIndex, Reg, ShadowRegisters};
-use anyhit_engine::ops::lane_kernel::LaneKernel;
+use anyhit_engine::ops::bit::{BitwiseAnd, ShiftRightArithmetic, ShiftRightLogical, field};
+use anyhit_engine::ops::conversion::CONVERT;
+use anyhit_engine::ops::float_controls::rounded_family;
+use anyhit_engine::ops::glsl::parts;
+use anyhit_engine::ops::lane_kernel::{LaneKernel, OpFamily};
 use anyhit_engine::ops::subgroup::subgroups;
+use anyhit_engine::ops::{arithmetic as arithmetic_ops, glsl};
+
+/// Kernels of integers that keep some bits of an operand only.
+static CUTTERS: [&OpFamily; 6] = [
+    &BitwiseAnd,
+    &ShiftRightLogical,
+    &ShiftRightArithmetic,
+    &field::FieldUExtract,
+    &field::FieldSExtract,
+    &CONVERT,
+];
 
 /// Keeps where the NaNs and infinities of a kernel's result were made.
 #[inline]
@@ -85,27 +100,21 @@ pub(super) fn carry<const W: usize>(
 ) {
     let registers = &batch.registers;
     let mut open = batch.mask.without(shadow.undefined(to));
-    open = match kernel.name {
+    if kernel.float_result > 0 {
         // Of a number no bits of a NaN are left.
-        _ if kernel.float_result > 0 => open & special_lanes(registers, to, kernel.float_result),
-        "BitwiseAnd"
-        | "ShiftRightLogical"
-        | "ShiftRightArithmetic"
-        | "FieldUExtract"
-        | "FieldSExtract"
-        | "Convert" => {
-            let holds =
-                |lane: usize| (0..kernel.words).any(|word| holds_special(registers[to.plus(word)].0[lane]));
-            Mask::from_fn(|lane| open.contains(lane) && holds(lane))
-        }
-        _ => open,
-    };
+        open = open & special_lanes(registers, to, kernel.float_result);
+    } else if kernel.is_one_of(&CUTTERS) {
+        let holds =
+            |lane: usize| (0..kernel.words).any(|word| holds_special(registers[to.plus(word)].0[lane]));
+        open = Mask::from_fn(|lane| open.contains(lane) && holds(lane));
+    }
+    let is_clamped = kernel.is_one_of(&[&parts::Snorm8, &parts::Unorm8, &parts::Snorm16, &parts::Unorm16]);
     for (at, &operand) in from.iter().enumerate() {
         for word in 0..kernel.operands[at] {
             let register = operand.plus(word);
             let mut lanes = (shadow.caused(register) & open).without(shadow.undefined(register));
             // An infinity is clamped to the greatest number of the format.
-            if kernel.name.ends_with("norm8") || kernel.name.ends_with("norm16") {
+            if is_clamped {
                 lanes = lanes & nan_lanes(registers, register, 32);
             }
             (0..kernel.words).for_each(|word| shadow.copy_causes(to.plus(word), register, lanes));
@@ -148,7 +157,7 @@ pub(super) fn reduce<const W: usize>(
         for &(lane, _) in &members {
             let gives = |source: usize| match width {
                 // What is no minimum or maximum is made of all operands.
-                0 if kernel.name.ends_with("Min") || kernel.name.ends_with("Max") => {
+                0 if kernel.is_one_of(&[&glsl::SMin, &glsl::SMax, &glsl::UMin, &glsl::UMax]) => {
                     value_of(value, source).eq(value_of(to, lane))
                 }
                 0 => true,
@@ -165,7 +174,9 @@ pub(super) fn reduce<const W: usize>(
                 true => (Special::Nan, nan_operands),
                 false => (Special::Infinity, operands),
             };
-            let adds = kernel.name.contains("Add") || kernel.name.contains("Mul");
+            let adds = [&arithmetic_ops::FAdd, &arithmetic_ops::FMul]
+                .iter()
+                .any(|one| std::ptr::eq(*one, rounded_family(kernel)));
             if !adds || !results.contains(lane) || members.iter().any(|member| given.contains(member.0)) {
                 continue;
             }
@@ -191,10 +202,10 @@ fn rule_of(
     operands: LaneOperands,
 ) -> Option<&'static Rule> {
     // A NaN or infinity that is unpacked from bits was there before.
-    if kernel.name != "Convert" && kernel.float_operands == [0; 3] {
+    if !kernel.is(&CONVERT) && kernel.float_operands == [0; 3] {
         return None;
     }
-    let divides = kernel.name.trim_end_matches("TowardZero") == "FDiv";
+    let divides = std::ptr::eq(rounded_family(kernel), &arithmetic_ops::FDiv);
     match special {
         Special::Nan if divides && !preserves => Some(&arithmetic::ULP_DOMAIN),
         Special::Nan => Some(&arithmetic::NAN_OUTPUT),

@@ -19,6 +19,7 @@ use anyhit_engine::ops::memory::MemoryOp;
 use anyhit_engine::ops::op::Op;
 use anyhit_engine::ops::ray_tracing::RayTracingOp;
 use anyhit_engine::ops::subgroup::{BallotCount, SubgroupKind, SubgroupOp};
+use anyhit_engine::ops::{arithmetic, bit, glsl};
 
 /// A shader hands its batch to the pipeline.
 pub(crate) fn stop<const W: usize>(
@@ -174,7 +175,7 @@ fn tell_own_lane<const W: usize>(
 
 /// Whether a kernel makes of a lane's index what no longer stands for the lane, as a hash does.
 fn mixes_bits(kernel: &LaneKernel) -> bool {
-    matches!(kernel.name, "IMul" | "BitwiseXor" | "ShiftLeftLogical" | "ShiftRightLogical")
+    kernel.is_one_of(&[&arithmetic::IMul, &bit::BitwiseXor, &bit::ShiftLeftLogical, &bit::ShiftRightLogical])
 }
 
 /// Whether a kernel needs a value of a kind to be true: it compares it, or subtracts clocks.
@@ -183,9 +184,17 @@ fn needs_current(kind: StaleKind, kernel: &LaneKernel) -> bool {
         StaleKind::Lanes | StaleKind::OwnLane => false,
         StaleKind::RayTmax => {
             let compares = kernel.float_operands[0] > 0 && kernel.operands[1] > 0 && kernel.float_result == 0;
-            compares || matches!(kernel.name, "FMin" | "FMax" | "FClamp" | "NMin" | "NMax" | "NClamp")
+            compares
+                || kernel.is_one_of(&[
+                    &glsl::FMin,
+                    &glsl::FMax,
+                    &glsl::FClamp,
+                    &glsl::NMin,
+                    &glsl::NMax,
+                    &glsl::NClamp,
+                ])
         }
-        StaleKind::Clock => kernel.name == "ISub",
+        StaleKind::Clock => kernel.is(&arithmetic::ISub),
     }
 }
 

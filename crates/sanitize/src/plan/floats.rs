@@ -8,6 +8,7 @@ use crate::operand_check::CheckedInstruction;
 use crate::plan::instruction::{InstructionWords, scalar_width};
 use anyhit_engine::module::decoration::number;
 use anyhit_engine::module::{Id, Module};
+use anyhit_engine::ops::arithmetic::FDiv;
 use anyhit_engine::ops::lane_kernel::{InstructionSet, LaneKernel, family};
 use anyhit_engine::program::Program;
 
@@ -148,7 +149,7 @@ impl Preserved {
             return None;
         }
         match instruction.opcode? {
-            Opcode::FDiv if kernel.name == "FDiv" => Some(FlushedUse::Divisor),
+            Opcode::FDiv if kernel.is(&FDiv) => Some(FlushedUse::Divisor),
             opcode => comparison(opcode),
         }
     }

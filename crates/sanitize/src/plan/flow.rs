@@ -1,6 +1,10 @@
 //! How what is undefined spreads through lane kernels.
 
-use anyhit_engine::ops::lane_kernel::LaneKernel;
+use anyhit_engine::ops::bit::field::FieldMerge;
+use anyhit_engine::ops::bit::{BitwiseAnd, BitwiseOr};
+use anyhit_engine::ops::lane_kernel::{LaneKernel, OpFamily};
+use anyhit_engine::ops::relational_logical::select::SelectWord;
+use anyhit_engine::ops::relational_logical::{LogicalAnd, LogicalOr};
 
 /// How a lane kernel's result depends on undefined operands.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -21,16 +25,19 @@ pub enum Flow {
     Merge,
 }
 
+/// Those of kernels that not every operand decides.
+static FLOWS: [(&OpFamily, Flow); 6] = [
+    (&LogicalAnd, Flow::And),
+    (&BitwiseAnd, Flow::And),
+    (&LogicalOr, Flow::Or { ones: 1 }),
+    (&BitwiseOr, Flow::Or { ones: u32::MAX }),
+    (&SelectWord, Flow::Select),
+    (&FieldMerge, Flow::Merge),
+];
+
 impl Flow {
     /// That of a kernel.
     pub(super) fn of(kernel: &LaneKernel) -> Self {
-        match kernel.name {
-            "LogicalAnd" | "BitwiseAnd" => Self::And,
-            "LogicalOr" => Self::Or { ones: 1 },
-            "BitwiseOr" => Self::Or { ones: u32::MAX },
-            "SelectWord" => Self::Select,
-            "FieldMerge" => Self::Merge,
-            _ => Self::Any,
-        }
+        FLOWS.iter().find(|(family, _)| kernel.is(family)).map_or(Self::Any, |(_, flow)| *flow)
     }
 }
