@@ -1,11 +1,11 @@
 //! Atomic instructions (SPIR-V 3.3.20).
 //!
 //! Lanes apply them in ascending order, which is launch order. A program whose results depend on
-//! how invocations interleave (one that uses what an atomic returns, or adds floats) says so by
-//! [`AtomicOp::order_dependent`], and a launch then runs it invocation by invocation. Integer
-//! additions, bit operations, minima and maxima whose result is unused commute each with its own
-//! kind: those run on all threads, unless others may reach the same memory
-//! ([`Update::commutes_with`], [`crate::program::race_analysis`]).
+//! how invocations interleave (one that uses what an atomic returns, or adds floats) says so
+//! ([`Op::order_dependent`](crate::ops::op::Op::order_dependent)), and a launch then runs it
+//! invocation by invocation. Integer additions, bit operations, minima and maxima whose result is
+//! unused commute each with its own kind: those run on all threads, unless others may reach the
+//! same memory ([`Update::commutes_with`], [`crate::program::race_analysis`]).
 //!
 //! Of a vector of f16 each component is an operation of its own: "atomic operations on vectors only
 //! guarantee atomicity of each component" (`SPV_NV_shader_atomic_fp16_vector`, 3.49.18).
