@@ -50,7 +50,7 @@ fn interpret(text: &str, inputs: &[u32]) -> Result<Vec<u32>, String> {
     let module = Arc::new(anyhit_engine::module::load(&assembly::assemble(text)).map_err(told)?);
     let program = anyhit_engine::program::lower(&module, &module.entry_points[0]).map_err(told)?;
     let compute = Compute::new(program).map_err(told)?;
-    let run = |lanes: usize| {
+    let run = |lanes: BatchWidth| {
         let out = Buffer::zeroed(INVOCATIONS * OUTPUTS * 4);
         let given: Vec<u8> = inputs.iter().flat_map(|word| word.to_le_bytes()).collect();
         let resources = Resources::default().bind(0, 0, Descriptor::Buffer(Buffer::new(&given))).bind(
@@ -59,16 +59,11 @@ fn interpret(text: &str, inputs: &[u32]) -> Result<Vec<u32>, String> {
             Descriptor::Buffer(out.clone()),
         );
         let groups = [GROUPS, 1, 1];
-        let result = match lanes {
-            1 => compute.run(&resources, groups, RunOptions::of(BatchWidth::One)),
-            128 => compute.run(&resources, groups, RunOptions::of(BatchWidth::Of128)),
-            _ => compute.run(&resources, groups, RunOptions::default()),
-        };
-        result.map_err(told)?;
+        compute.run(&resources, groups, RunOptions::of(lanes)).map_err(told)?;
         Ok::<_, String>(bytemuck::pod_collect_to_vec::<u8, u32>(&out.bytes()))
     };
-    let one = run(1)?;
-    for lanes in [64, 128] {
+    let one = run(BatchWidth::One)?;
+    for lanes in [BatchWidth::Of64, BatchWidth::Of128] {
         if let Some(difference) = difference(&one, &run(lanes)?) {
             return Err(format!("1 and {lanes} lanes: {difference}"));
         }

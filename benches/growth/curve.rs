@@ -70,7 +70,7 @@ pub(crate) struct Measured {
     points: Vec<(usize, Cost)>,
     /// Bytes below which memory is not that of the input.
     floor: f64,
-    /// Whether each measurement starts a process.
+    /// Each measurement starts a new process.
     is_command: bool,
 }
 

@@ -564,7 +564,7 @@ fn stored(ty: Type) -> Type {
     if ty == Bool { Uint(32) } else { ty }
 }
 
-/// What our interpreter stores, the same at 1, 8 and 64 lanes.
+/// What our interpreter stores, the same at 1, 64 and 128 lanes.
 fn ours(snippet: &Snippet, inputs: &[Vec<u64>], code: &[u8]) -> Vec<u64> {
     let module =
         Arc::new(anyhit_engine::module::load(code).unwrap_or_else(|error| panic!("{}", error.render())));
@@ -572,7 +572,7 @@ fn ours(snippet: &Snippet, inputs: &[Vec<u64>], code: &[u8]) -> Vec<u64> {
     let program = program.unwrap_or_else(|error| panic!("{}: {}", snippet.name, error.render()));
     let compute = Compute::new(program).expect("a compute shader");
     let width = stored(snippet.result).width() as usize / 8;
-    let run = |lanes: usize| {
+    let run = |lanes: BatchWidth| {
         let out = Buffer::zeroed(inputs.len() * width);
         let mut resources = Resources::default().bind(0, 0, Descriptor::Buffer(out.clone()));
         for (at, &ty) in snippet.operands.iter().enumerate() {
@@ -581,16 +581,11 @@ fn ours(snippet: &Snippet, inputs: &[Vec<u64>], code: &[u8]) -> Vec<u64> {
                 inputs.iter().flat_map(|operands| operands[at].to_le_bytes()[..size].to_vec()).collect();
             resources = resources.bind(0, at as u32 + 1, Descriptor::Buffer(Buffer::new(&bytes)));
         }
-        let done = &|_| ();
-        let result = match lanes {
-            1 => compute.run(&resources, [1, 1, 1], RunOptions::of(BatchWidth::One).on_progress(done)),
-            128 => compute.run(&resources, [1, 1, 1], RunOptions::of(BatchWidth::Of128).on_progress(done)),
-            _ => compute.run(&resources, [1, 1, 1], RunOptions::default().on_progress(done)),
-        };
+        let result = compute.run(&resources, [1, 1, 1], RunOptions::of(lanes));
         result.unwrap_or_else(|error| panic!("{}: {}", snippet.name, error.render()));
         out.bytes()
     };
-    let (one, most, full) = (run(1), run(128), run(64));
+    let [one, full, most] = BatchWidth::ALL.map(run);
     assert!(one == most && one == full, "{}: the widths differ", snippet.name);
     let number = |bytes: &[u8]| bytes.iter().rev().fold(0, |value, &byte| value << 8 | u64::from(byte));
     one.chunks_exact(width).map(number).collect()

@@ -112,7 +112,8 @@ struct CommandLine {
 
 /// The possible numbers of lanes of a batch; results do not depend on the number.
 fn batch_widths() -> impl TypedValueParser<Value = BatchWidth> {
-    PossibleValuesParser::new(["1", "64", "128"]).try_map(|text| text.parse::<BatchWidth>())
+    PossibleValuesParser::new(BatchWidth::ALL.map(BatchWidth::name))
+        .try_map(|text| text.parse::<BatchWidth>())
 }
 
 /// Parses the command line, runs the command and reports its error on standard error.

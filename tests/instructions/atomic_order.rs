@@ -4,8 +4,9 @@
 use std::sync::Arc;
 
 use anyhit_engine::machine::{Buffer, Descriptor, Resources};
+use anyhit_engine::pipeline::{BatchWidth, RunOptions};
 
-use crate::instructions::run::{INVOCATIONS, Shader, run_lanes};
+use crate::instructions::run::{INVOCATIONS, Shader};
 use crate::instructions::workgroup::Workgroup;
 
 /// Atomic instructions that change memory by an operand.
@@ -175,7 +176,7 @@ fn any_two_updates_of_workgroup_memory_are_made_in_one_schedule() {
         let start = 0x0F0F_5A5Au32;
         let expected = scheduled(updates, start, INVOCATIONS);
         for compute in [&usual, &reference] {
-            for lanes in [1, 64, 128] {
+            for lanes in BatchWidth::ALL {
                 let out = Buffer::zeroed(4 * INVOCATIONS as usize);
                 let given = Buffer::new(&[0, start].map(u32::to_le_bytes).concat());
                 let resources = Resources::default().bind(0, 0, Descriptor::Buffer(out.clone()));
@@ -184,7 +185,8 @@ fn any_two_updates_of_workgroup_memory_are_made_in_one_schedule() {
                 if way == ways[0] {
                     assert_eq!(compute.shared_memory([1, 1, 1], &resources), None);
                 }
-                run_lanes(compute, lanes, &resources, [1, 1, 1])
+                compute
+                    .run(&resources, [1, 1, 1], RunOptions::of(lanes))
                     .unwrap_or_else(|error| panic!("{updates:?}: {}", error.render()));
                 let words: Vec<u32> = bytemuck::pod_collect_to_vec(&out.bytes());
                 assert_eq!(words, [expected; INVOCATIONS as usize], "{updates:?}, {lanes} lanes, {way}");

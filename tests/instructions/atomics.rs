@@ -7,7 +7,7 @@ use anyhit_engine::machine::{Buffer, Descriptor, Resources};
 use anyhit_engine::pipeline::{BatchWidth, Launch, Pipeline, RunOptions};
 use anyhit_engine::program::{Inlining, LowerOptions};
 
-use crate::instructions::run::{INVOCATIONS, Shader, run_lanes};
+use crate::instructions::run::{INVOCATIONS, Shader};
 use crate::instructions::workgroup::{Workgroup, compute};
 
 const COUNTER_LAYOUT: &str = "
@@ -191,22 +191,20 @@ fn threads_change_nothing() {
             .expect("a shader")
             .build()
             .expect("a pipeline");
-        let left = |threads: &rayon::ThreadPool, lanes: usize| {
+        let left = |threads: &rayon::ThreadPool, lanes: BatchWidth| {
             let counters = Buffer::zeroed(24);
             let resources = Resources::default().bind(0, 1, Descriptor::Buffer(counters.clone()));
             let resources = resources.bind(0, 0, Descriptor::Buffer(Buffer::zeroed(4)));
             let launch = Launch { pipeline: &pipeline, resources: &resources };
-            let ran = threads.install(|| match lanes {
-                1 => launch.run(SIZE, RunOptions::of(BatchWidth::One)),
-                128 => launch.run(SIZE, RunOptions::of(BatchWidth::Of128)),
-                _ => launch.run(SIZE, RunOptions::default()),
-            });
+            let ran = threads.install(|| launch.run(SIZE, RunOptions::of(lanes)));
             ran.unwrap_or_else(|error| panic!("{}", error.render()));
             counters.bytes()
         };
-        let expected = left(&one, 64);
-        for lanes in [64, 64, 64, 64, 64, 64, 128, 128, 1, 1] {
-            assert_eq!(left(&many, lanes), expected, "{lanes} lanes: {body}");
+        let expected = left(&one, BatchWidth::Of64);
+        for (lanes, runs) in BatchWidth::ALL.into_iter().zip([2, 6, 2]) {
+            for _ in 0..runs {
+                assert_eq!(left(&many, lanes), expected, "{lanes} lanes: {body}");
+            }
         }
     }
 }
@@ -230,15 +228,17 @@ fn workgroup_memory_does_not_depend_on_the_width() {
         ..Workgroup::default()
     }
     .compute();
-    let dispatch = |lanes: usize| {
+    let dispatch = |lanes: BatchWidth| {
         let out = Buffer::zeroed(4 * 192 * 40);
         let resources = Resources::default().bind(0, 0, Descriptor::Buffer(out.clone()));
         let groups = [40, 1, 1];
-        run_lanes(&compute, lanes, &resources, groups).unwrap_or_else(|error| panic!("{}", error.render()));
+        compute
+            .run(&resources, groups, RunOptions::of(lanes))
+            .unwrap_or_else(|error| panic!("{}", error.render()));
         out.bytes()
     };
-    let expected = dispatch(64);
-    for lanes in [1, 64, 128] {
+    let expected = dispatch(BatchWidth::Of64);
+    for lanes in BatchWidth::ALL {
         assert_eq!(dispatch(lanes), expected, "{lanes} lanes");
     }
 }
@@ -409,10 +409,11 @@ fn wide_integers_in_workgroup_memory_lie_on_any_word() {
     .module();
     for inlining in [Inlining::Never, Inlining::WhereProfitable] {
         let compute = compute(&module, LowerOptions { inlining, ..LowerOptions::default() });
-        for lanes in [1, 64, 128] {
+        for lanes in BatchWidth::ALL {
             let out = Buffer::zeroed(8 * 96);
             let resources = Resources::default().bind(0, 0, Descriptor::Buffer(out.clone()));
-            run_lanes(&compute, lanes, &resources, [1, 1, 1])
+            compute
+                .run(&resources, [1, 1, 1], RunOptions::of(lanes))
                 .unwrap_or_else(|error| panic!("{inlining:?}, {lanes} lanes: {}", error.render()));
             let sums: Vec<u64> = bytemuck::pod_collect_to_vec(&out.bytes());
             assert_eq!(sums, [0x1_0000_0001; 96], "{inlining:?}, {lanes} lanes");
@@ -520,10 +521,11 @@ fn wide_integers_in_workgroup_memory_lie_on_any_word_whatever_leads_there() {
             .module();
             for inlining in [Inlining::Never, Inlining::WhereProfitable] {
                 let compute = compute(&module, LowerOptions { inlining, ..LowerOptions::default() });
-                for lanes in [1, 64] {
+                for lanes in [BatchWidth::One, BatchWidth::Of64] {
                     let out = Buffer::zeroed(8 * 70);
                     let resources = Resources::default().bind(0, 0, Descriptor::Buffer(out.clone()));
-                    run_lanes(&compute, lanes, &resources, [1, 1, 1])
+                    compute
+                        .run(&resources, [1, 1, 1], RunOptions::of(lanes))
                         .unwrap_or_else(|error| panic!("{way}, {lanes} lanes: {}", error.render()));
                     let left: Vec<u64> = bytemuck::pod_collect_to_vec(&out.bytes());
                     assert_eq!(left, [expected; 70], "{way}, {lanes} lanes, {update}");

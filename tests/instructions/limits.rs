@@ -14,7 +14,7 @@ use anyhit_engine::pipeline::{
     BatchWidth, Compute, GREATEST_CALLABLE_DEPTH, Launch, Pipeline, RayOperands, RunOptions,
 };
 
-use crate::instructions::run::{Shader, run_lanes};
+use crate::instructions::run::Shader;
 use crate::instructions::workgroup::Workgroup;
 use crate::support::assembly::assemble;
 
@@ -120,7 +120,7 @@ const BARRIERS: &str = "
 
 #[test]
 fn a_barrier_in_an_endless_loop_ends() {
-    for lanes in [1, 64] {
+    for lanes in [BatchWidth::One, BatchWidth::Of64] {
         let compute = Workgroup {
             size: 1024,
             declarations: "%true = OpConstantTrue %bool",
@@ -130,7 +130,7 @@ fn a_barrier_in_an_endless_loop_ends() {
         .compute()
         .launch_limits(LaunchLimits::TESTS);
         let (_, resources) = output(1);
-        let error = stopped(|| run_lanes(&compute, lanes, &resources, [2, 1, 1]));
+        let error = stopped(|| compute.run(&resources, [2, 1, 1], RunOptions::of(lanes)));
         let ended = [TrapCode::LaunchOutOfFuel, TrapCode::BatchTimedOut];
         let code = code_of(&error).expect("a trap");
         assert!(ended.contains(&code), "{lanes} lanes: {}", error.render());
@@ -172,6 +172,28 @@ fn the_first_invocation_without_fuel_stops_those_behind_it() {
     assert_code(&one, TrapCode::OutOfFuel);
     assert!(one.render().contains("launch id (0, 0, 0)"), "{}", one.render());
     assert_eq!(one.render(), many.render());
+}
+
+/// The endless invocation spends more than these limits and less than those of the pipeline.
+#[test]
+fn the_limits_of_a_run_take_the_place_of_the_pipelines() {
+    let pipeline = pipeline(&endless(0), None, LaunchLimits::default());
+    let (_, resources) = output(16);
+    let launch = Launch { pipeline: &pipeline, resources: &resources };
+    let options = RunOptions::default().limits(LaunchLimits::default().fuel(1 << 12));
+    let error = stopped(|| launch.run([1, 1, 1], options));
+    assert_code(&error, TrapCode::LaunchOutOfFuel);
+
+    let compute = Workgroup {
+        size: 64,
+        declarations: "%true = OpConstantTrue %bool",
+        body: BARRIERS,
+        ..Workgroup::default()
+    }
+    .compute();
+    let (_, resources) = output(1);
+    let error = stopped(|| compute.run(&resources, [1, 1, 1], options));
+    assert_code(&error, TrapCode::LaunchOutOfFuel);
 }
 
 #[test]
@@ -487,16 +509,13 @@ fn a_loop_that_prints_keeps_no_more_than_is_allowed() {
         ..Shader::default()
     };
     let pipeline = pipeline(&shader, Some(1 << 16), LaunchLimits::default());
-    let kept = [1, 64].map(|lanes| {
+    let kept = [BatchWidth::One, BatchWidth::Of64].map(|lanes| {
         let printed = Arc::new(Printed::default());
         let (_, mut resources) = output(1);
         resources.printed = Some(printed.clone());
         resources.printed_bytes = PrintedBytes(10_000);
         let launch = Launch { pipeline: &pipeline, resources: &resources };
-        let error = match lanes {
-            1 => stopped(|| launch.run([64, 1, 1], RunOptions::of(BatchWidth::One))),
-            _ => stopped(|| launch.run([64, 1, 1], RunOptions::default())),
-        };
+        let error = stopped(|| launch.run([64, 1, 1], RunOptions::of(lanes)));
         assert_code(&error, TrapCode::OutOfFuel);
         let mut lines: Vec<String> = printed.take().into_iter().map(|line| line.text).collect();
         let cut = lines.pop().expect("a last line");

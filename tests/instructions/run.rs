@@ -5,7 +5,7 @@ use std::sync::Arc;
 use anyhit_base::error::{Error, Result};
 use anyhit_engine::machine::{Buffer, Descriptor, Resources};
 use anyhit_engine::module::interface::Stage;
-use anyhit_engine::pipeline::{BatchWidth, Compute, Launch, Pipeline, RunOptions, Stats};
+use anyhit_engine::pipeline::{BatchWidth, Launch, Pipeline, RunOptions};
 
 use crate::support::assembly::assemble;
 
@@ -197,14 +197,4 @@ fn launch(
     launch.run([count as u32, 1, 1], RunOptions::of(width))?;
     let words: Vec<u32> = bytemuck::pod_collect_to_vec(&out.bytes());
     Ok(words.chunks_exact(WORDS).map(|words| words.try_into().unwrap()).collect())
-}
-
-/// Runs a compute shader in batches of 1, 64 or 128 lanes.
-pub fn run_lanes(compute: &Compute, lanes: usize, resources: &Resources, groups: [u32; 3]) -> Result<Stats> {
-    match lanes {
-        1 => compute.run(resources, groups, RunOptions::of(BatchWidth::One)),
-        128 => compute.run(resources, groups, RunOptions::of(BatchWidth::Of128)),
-        64 => compute.run(resources, groups, RunOptions::default()),
-        _ => panic!("no batch has {lanes} lanes"),
-    }
 }

@@ -83,7 +83,7 @@ pub fn interpret(
         let compute = Compute::new(program)
             .and_then(|compute| compute.subgroup_size(generated.subgroup))
             .map_err(told)?;
-        for lanes in [1, 64, 128] {
+        for lanes in BatchWidth::ALL {
             let buffers: Vec<Arc<Buffer>> = before.buffers.iter().map(|bytes| Buffer::new(bytes)).collect();
             let mut resources = Resources::default();
             for (binding, buffer) in buffers[..BUFFERS - 1].iter().enumerate() {
@@ -91,11 +91,7 @@ pub fn interpret(
             }
             assert_eq!(resources.memory.add_buffer(&buffers[BUFFERS - 1]), before.address);
             let groups = [generated.groups, 1, 1];
-            let result = match lanes {
-                1 => compute.run(&resources, groups, RunOptions::of(BatchWidth::One)),
-                128 => compute.run(&resources, groups, RunOptions::of(BatchWidth::Of128)),
-                _ => compute.run(&resources, groups, RunOptions::default()),
-            };
+            let result = compute.run(&resources, groups, RunOptions::of(lanes));
             let way = format!("{lowered:?}, {lanes} lanes");
             result.map_err(|error| format!("trapped ({way}): {}", error.render()))?;
             let after = Memory {

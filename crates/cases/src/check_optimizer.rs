@@ -1,10 +1,9 @@
-//! Translation validation: what a case leaves behind with optimised programs and without any
-//! optimisation must be the same, bit for bit.
+//! Translation validation: optimised and unoptimised programs must produce the same bits.
 //!
 //! The optimizer (store-to-load forwarding, constant folding, dead-code elimination, copy
-//! propagation, register allocation, superinstructions) may change how a shader is executed, never
-//! what it does. The reference of
-//! [`Program::unoptimized`](anyhit_engine::program::Program::unoptimized) passes none of it.
+//! propagation, register allocation, superinstructions) must not change the results of a shader.
+//! [`Program::unoptimized`](anyhit_engine::program::Program::unoptimized), which skips all of these
+//! passes, is the reference.
 
 use crate::case::{Counts, Loaded, difference};
 use crate::expect::Observed;

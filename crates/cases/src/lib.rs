@@ -1,10 +1,10 @@
-//! What judges scenes and whole modules.
+//! Tests of scenes and modules.
 //!
-//! A [`case`] is a `scene.toml` whose `[expect]` says what must come out; a [`suite`] runs folders
-//! of them, with [`coverage`], [`sanitized`], through other orders ([`many_seeds`]) and with
-//! perturbed inputs ([`stability`]), in parts on several machines ([`shares`]). [`smoke`] runs
-//! whatever a module holds on made-up inputs, to see that it runs at all. [`init`] writes a first
-//! scene for a module.
+//! A [`case`] is a `scene.toml` with the expected results in `[expect]`. A [`suite`] runs folders
+//! of cases: with [`coverage`], under the sanitizer ([`sanitized`]), in other orders
+//! ([`many_seeds`]), with perturbed inputs ([`stability`]), and split over several machines
+//! ([`shares`]). [`smoke`] runs every entry point of a module on synthetic inputs. [`init`] writes
+//! a first scene for a module.
 //!
 //! The crate `anyhit` re-exports what its users need; other items may change in any version.
 

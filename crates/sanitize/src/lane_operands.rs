@@ -168,7 +168,7 @@ impl LaneOperands {
     /// The operation that a kernel does with the operands, as a report shows it.
     pub fn describe_operation(&self, kernel: &LaneKernel) -> String {
         let family = rounded_family(kernel);
-        let known = SIGNS.iter().find(|(families, _)| families.iter().any(|one| std::ptr::eq(*one, family)));
+        let known = SIGNS.iter().find(|(families, _)| families.contains(&family));
         let Some((_, sign)) = known else {
             let count = kernel.operands.iter().filter(|words| **words > 0).count();
             let operands: Vec<String> = (0..count).map(|at| self.describe(at, true)).collect();

@@ -1,9 +1,8 @@
 //! Threads that decode one input together.
 //!
-//! They are not threads of rayon's pool: a thread of the pool that waits starts another task, and
-//! that task may wait for the same input. All inputs that are decoded at the same time share the
-//! helpers, which are one fewer than the threads of the pool. Results do not depend on their
-//! number.
+//! They are not threads of rayon's pool: a waiting thread of the pool starts another task, which
+//! can wait for the same input (deadlock). All inputs that are being decoded share the helpers, one
+//! fewer than the pool has threads. The number of threads does not change the result.
 
 use std::any::Any;
 use std::collections::BTreeMap;

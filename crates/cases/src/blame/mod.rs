@@ -2,12 +2,12 @@
 
 mod payload_writes;
 mod resource_writes;
-use anyhit_engine::pipeline::RunOptions;
 
 use crate::case::Loaded;
 use crate::expect::Subject;
 use crate::observe::fresh_resources;
 use anyhit_debugger::session::ExplainRequest;
+use anyhit_engine::pipeline::RunOptions;
 use anyhit_explain::transcript::TranscriptLine;
 use anyhit_scene::pass::PassWork;
 

@@ -136,8 +136,8 @@ pub trait Debuggee {
     fn trapped(&self) -> Option<&Error>;
 }
 
-/// A number of lanes that the debugger runs. It is compiled for each by itself, as are the pipeline
-/// and the sanitizer below.
+/// A batch width that the debugger supports. The functions are compiled once per width, like those
+/// of the pipeline and of the sanitizer.
 pub(super) trait DebuggedWidth<const W: usize>: Width<W> {
     /// Runs an invocation of a launch, or a ray.
     fn resume_launch(

@@ -75,8 +75,7 @@ impl<const W: usize> Observer<W> for () {
     }
 }
 
-/// Any observer that is borrowed. Of all observers the interpreter is compiled for trait objects
-/// only.
+/// A borrowed observer. The interpreter is compiled for `&mut dyn Observer` and for `()` only.
 impl<const W: usize, O: Observer<W> + ?Sized> Observer<W> for &mut O {
     fn began(&mut self, shader: ShaderIndex, batch: &mut Batch<W>) {
         (**self).began(shader, batch);
@@ -111,7 +110,7 @@ impl<const W: usize, O: Observer<W> + ?Sized> Observer<W> for &mut O {
     }
 }
 
-/// Two observers, of which each is told of everything, the first one first.
+/// Calls both observers, the first one first. Either can pause the batch.
 impl<const W: usize, A: Observer<W>, B: Observer<W>> Observer<W> for (A, B) {
     fn is_active() -> bool {
         A::is_active() || B::is_active()

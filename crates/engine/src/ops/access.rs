@@ -14,38 +14,38 @@ pub enum Access {
     Effect,
 }
 
-/// How an operation accesses an operand that is a single register.
+/// The kind of access to a single-register operand.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum OperandKind {
-    /// Reads it.
+    /// Reads the register.
     Use,
-    /// Writes it.
+    /// Writes the register.
     Def,
 }
 
 /// A copy of one register.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RegCopy {
-    /// The register that is written.
+    /// Destination register.
     pub to: Reg,
-    /// The register that is read.
+    /// Source register.
     pub from: Reg,
-    /// Whether only running lanes are copied.
+    /// True if only the running lanes are copied.
     pub is_masked: bool,
 }
 
-/// An access to registers that an index chooses, lane by lane; see [`Reg::computed`].
+/// An access to registers selected by an index per lane; see [`Reg::computed`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ComputedRegisters {
     /// The register at index 0.
     pub first: Reg,
     /// The register of the index.
     pub index: Reg,
-    /// How many registers are read or written.
+    /// Number of registers read or written.
     pub count: u32,
-    /// The first of the registers that take what is read, or hold what is written.
+    /// First destination register of a read, first source register of a write.
     pub other: Reg,
-    /// Whether they are written.
+    /// True for a write.
     pub writes: bool,
 }
 

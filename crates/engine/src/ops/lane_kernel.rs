@@ -133,12 +133,12 @@ impl LaneKernel {
     /// Whether it is the instruction of a family at some width.
     #[inline]
     pub fn is(&self, family: &OpFamily) -> bool {
-        std::ptr::eq(self.family, family)
+        self.family == family
     }
 
     /// Whether it is the instruction of one of these families.
     pub fn is_one_of(&self, families: &[&OpFamily]) -> bool {
-        families.iter().any(|family| self.is(family))
+        families.contains(&self.family)
     }
 
     #[cfg_attr(not(target_arch = "x86_64"), allow(unused_variables, reason = "AVX2 is of x86-64"))]
@@ -216,6 +216,12 @@ pub struct OpFamily {
     pub number: u32,
     /// The kernels, one for each width.
     pub kernels: &'static [LaneKernel],
+}
+
+impl PartialEq for OpFamily {
+    fn eq(&self, other: &Self) -> bool {
+        std::ptr::eq(self, other)
+    }
 }
 
 impl OpFamily {

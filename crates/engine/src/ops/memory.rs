@@ -175,10 +175,7 @@ impl MemoryOp {
 
     /// The part of a buffer that is loaded or stored.
     pub(super) fn chunk(&self) -> Option<&Chunk> {
-        match self {
-            Self::BufferLoad { chunk, .. } | Self::BufferStore { chunk, .. } => Some(chunk),
-            _ => None,
-        }
+        self.load().or_else(|| self.store()).map(|(_, chunk)| chunk)
     }
 
     /// See [`crate::ops::op::Op::visit_single_registers`].

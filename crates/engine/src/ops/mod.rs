@@ -220,7 +220,7 @@ pub fn componentwise(
             words.push(to.plus(1));
         }
     }
-    if std::ptr::eq(family, &bit::BitCount) {
+    if *family == bit::BitCount {
         words = convert_counts(translator, instruction, &words)?;
     }
     // The two words of a 64-bit component are consecutive, as for every value.
@@ -230,14 +230,13 @@ pub fn componentwise(
 
 /// How an operand is read whose width is independent of that of the others.
 fn free_width(family: &'static OpFamily, at: usize) -> Option<ReadAs> {
-    let is = |known: &'static OpFamily| std::ptr::eq(family, known);
     if at != 1 {
         return None;
     }
-    if is(&bit::ShiftLeftLogical) || is(&bit::ShiftRightLogical) || is(&bit::ShiftRightArithmetic) {
+    if [&bit::ShiftLeftLogical, &bit::ShiftRightLogical, &bit::ShiftRightArithmetic].contains(&family) {
         return Some(ReadAs::Unsigned);
     }
-    is(&glsl::Ldexp).then_some(ReadAs::Number)
+    (*family == glsl::Ldexp).then_some(ReadAs::Number)
 }
 
 /// Converts counts of bits (one word each, unsigned and below 256) to the width of the result.

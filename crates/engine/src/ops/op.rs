@@ -260,7 +260,7 @@ impl Op {
 
     /// Whether the operation traces a ray, with its shaders.
     pub fn traces(&self) -> bool {
-        matches!(self, Self::Stop(op) if op.traces())
+        matches!(self, Self::Stop(op) if op.traced_structure().is_some())
     }
 
     /// Whether the operation begins a ray query.

@@ -102,11 +102,6 @@ impl RayTracingOp {
         }
     }
 
-    /// Whether it traces a ray.
-    pub(super) fn traces(&self) -> bool {
-        self.traced_structure().is_some()
-    }
-
     /// The first of the two registers with the acceleration structure in which it traces.
     pub(super) fn traced_structure(&self) -> Option<Reg> {
         match *self {

@@ -7,7 +7,7 @@ use std::sync::LazyLock;
 use crate::machine::{Reg, Registers};
 use crate::ops::glsl::parts;
 use crate::ops::lane_kernel::{LaneKernel, OpFamily, Width};
-use crate::ops::{SECTIONS, bit, conversion, float_controls, glsl, relational_logical};
+use crate::ops::{SECTIONS, bit, conversion, float_controls, relational_logical};
 
 /// The effect of a lane kernel on shadow values, which are f64.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -38,10 +38,10 @@ pub enum ShadowOp {
 pub fn shadow_op(kernel: &'static LaneKernel) -> ShadowOp {
     static SHADOW_OPS: LazyLock<HashMap<usize, ShadowOp>> = LazyLock::new(|| {
         let mut shadow_ops = HashMap::new();
-        let parts = [glsl::parts::FAMILIES];
-        for family in SECTIONS.iter().chain(&parts).flat_map(|section| section.iter().copied()) {
+        let packing = [parts::FAMILIES];
+        for family in SECTIONS.iter().chain(&packing).flat_map(|section| section.iter().copied()) {
             for kernel in family.kernels {
-                shadow_ops.insert(std::ptr::from_ref(kernel) as usize, family_shadow(family, kernel));
+                shadow_ops.insert(std::ptr::from_ref(kernel) as usize, family_shadow(kernel));
             }
         }
         shadow_ops
@@ -55,30 +55,36 @@ pub fn shadow_op(kernel: &'static LaneKernel) -> ShadowOp {
     })
 }
 
-fn family_shadow(family: &'static OpFamily, kernel: &LaneKernel) -> ShadowOp {
+/// The families that pack floats into words and unpack them.
+static PACKED: [(&OpFamily, ShadowOp); 10] = [
+    (&parts::Half, ShadowOp::Pack(16)),
+    (&parts::Snorm16, ShadowOp::Pack(16)),
+    (&parts::Unorm16, ShadowOp::Pack(16)),
+    (&parts::Snorm8, ShadowOp::Pack(8)),
+    (&parts::Unorm8, ShadowOp::Pack(8)),
+    (&parts::FromHalf, ShadowOp::Unpack(16)),
+    (&parts::FromSnorm16, ShadowOp::Unpack(16)),
+    (&parts::FromUnorm16, ShadowOp::Unpack(16)),
+    (&parts::FromSnorm8, ShadowOp::Unpack(8)),
+    (&parts::FromUnorm8, ShadowOp::Unpack(8)),
+];
+
+fn family_shadow(kernel: &LaneKernel) -> ShadowOp {
     if kernel.width == 0 {
         return ShadowOp::Logical;
     }
-    if kernel.is_one_of(&[&parts::Half, &parts::Snorm16, &parts::Unorm16]) {
-        return ShadowOp::Pack(16);
-    }
-    if kernel.is_one_of(&[&parts::Snorm8, &parts::Unorm8]) {
-        return ShadowOp::Pack(8);
-    }
-    if kernel.is_one_of(&[&parts::FromHalf, &parts::FromSnorm16, &parts::FromUnorm16]) {
-        return ShadowOp::Unpack(16);
-    }
-    if kernel.is_one_of(&[&parts::FromSnorm8, &parts::FromUnorm8]) {
-        return ShadowOp::Unpack(8);
+    if let Some((_, packed)) = PACKED.iter().find(|(family, _)| kernel.is(family)) {
+        return *packed;
     }
     if kernel.is(&bit::BitwiseOr) && kernel.width == 32 {
         return ShadowOp::Join;
     }
     let takes_floats = kernel.float_operands.iter().any(|&width| width > 0);
-    let Some(wide) = family.kernel(64).filter(|wide| takes_floats && wide.float_operands[0] == 64) else {
+    let Some(wide) = kernel.family.kernel(64).filter(|wide| takes_floats && wide.float_operands[0] == 64)
+    else {
         return ShadowOp::None;
     };
-    let compares = relational_logical::FAMILIES.iter().any(|known| kernel.is(known));
+    let compares = kernel.is_one_of(relational_logical::FAMILIES);
     match (kernel.float_result > 0, compares) {
         (true, _) => ShadowOp::Number(wide),
         (false, true) => ShadowOp::Comparison(wide),
@@ -111,7 +117,7 @@ fn controlled_shadow(kernel: &'static LaneKernel) -> Option<ShadowOp> {
     if kernel.is(family) {
         return None;
     }
-    if !std::ptr::eq(family, &conversion::CONVERT) {
+    if *family != conversion::CONVERT {
         return family.kernel(64).map(ShadowOp::Number);
     }
     if kernel.float_operands[0] > 0 {
@@ -164,8 +170,8 @@ mod tests {
         assert_eq!(shadow_op(kernel(less, 16)), ShadowOp::Comparison(kernel(less, 64)));
         assert_eq!(shadow_op(kernel(&relational_logical::LogicalAnd, 0)), ShadowOp::Logical);
         assert_eq!(shadow_op(&relational_logical::select::SelectWord.kernels[0]), ShadowOp::Select);
-        assert_eq!(shadow_op(&glsl::parts::Half.kernels[0]), ShadowOp::Pack(16));
-        assert_eq!(shadow_op(&glsl::parts::FromUnorm8.kernels[0]), ShadowOp::Unpack(8));
+        assert_eq!(shadow_op(&parts::Half.kernels[0]), ShadowOp::Pack(16));
+        assert_eq!(shadow_op(&parts::FromUnorm8.kernels[0]), ShadowOp::Unpack(8));
         assert_eq!(shadow_op(kernel(&crate::ops::bit::BitwiseOr, 32)), ShadowOp::Join);
         let convert = |kind, from, to| conversion::kernel(kind, from, to).expect("a kernel");
         assert_eq!(shadow_op(convert(Conversion::F, 32, 16)), ShadowOp::Identity);

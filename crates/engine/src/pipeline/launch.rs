@@ -153,7 +153,7 @@ impl Launch<'_> {
 
     /// The watchdog of a launch of so many invocations.
     pub(super) fn watchdog(&self, invocations: u64) -> Arc<Watchdog> {
-        Watchdog::new(self.pipeline.launch_limits, invocations)
+        self.watchdog_of(invocations, RunOptions::default())
     }
 
     /// The number of invocations of a launch; an error above `maxRayDispatchInvocationCount`.

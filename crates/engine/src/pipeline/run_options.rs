@@ -23,20 +23,20 @@ impl BatchWidth {
     /// Every width.
     pub const ALL: [Self; 3] = [Self::One, Self::Of64, Self::Of128];
 
-    /// The number of lanes.
+    /// The number of lanes, as a command line spells it.
     #[must_use]
-    pub const fn lanes(self) -> usize {
+    pub const fn name(self) -> &'static str {
         match self {
-            Self::One => 1,
-            Self::Of64 => 64,
-            Self::Of128 => 128,
+            Self::One => "1",
+            Self::Of64 => "64",
+            Self::Of128 => "128",
         }
     }
 }
 
 impl fmt::Display for BatchWidth {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.lanes().fmt(f)
+        f.write_str(self.name())
     }
 }
 
@@ -44,7 +44,7 @@ impl FromStr for BatchWidth {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let found = Self::ALL.into_iter().find(|width| width.to_string() == text);
+        let found = Self::ALL.into_iter().find(|width| width.name() == text);
         found.ok_or_else(|| format!("a batch has 1, 64 or 128 lanes, not `{text}`"))
     }
 }
@@ -57,7 +57,7 @@ impl FromStr for BatchWidth {
 /// use anyhit_engine::pipeline::{BatchWidth, RunOptions};
 ///
 /// let options = RunOptions::of(BatchWidth::One).threads(NonZeroUsize::MIN);
-/// assert_eq!((options.width.lanes(), options.limits), (1, None));
+/// assert_eq!((options.width.name(), options.limits), ("1", None));
 /// ```
 #[derive(Clone, Copy)]
 #[must_use]

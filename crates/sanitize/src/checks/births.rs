@@ -153,6 +153,7 @@ pub(super) fn reduce<const W: usize>(
     let nans = |register: Reg| if width > 0 { nan_lanes(registers, register, width) } else { Mask::NONE };
     let (nan_results, nan_operands) = (nans(to), nans(value));
     let value_of = |register: Reg, lane: usize| registers.lane_words(register, words, lane);
+    let adds = [&arithmetic_ops::FAdd, &arithmetic_ops::FMul].contains(&rounded_family(kernel));
     for members in subgroups(batch) {
         for &(lane, _) in &members {
             let gives = |source: usize| match width {
@@ -174,9 +175,6 @@ pub(super) fn reduce<const W: usize>(
                 true => (Special::Nan, nan_operands),
                 false => (Special::Infinity, operands),
             };
-            let adds = [&arithmetic_ops::FAdd, &arithmetic_ops::FMul]
-                .iter()
-                .any(|one| std::ptr::eq(*one, rounded_family(kernel)));
             if !adds || !results.contains(lane) || members.iter().any(|member| given.contains(member.0)) {
                 continue;
             }
@@ -205,7 +203,7 @@ fn rule_of(
     if !kernel.is(&CONVERT) && kernel.float_operands == [0; 3] {
         return None;
     }
-    let divides = std::ptr::eq(rounded_family(kernel), &arithmetic_ops::FDiv);
+    let divides = *rounded_family(kernel) == arithmetic_ops::FDiv;
     match special {
         Special::Nan if divides && !preserves => Some(&arithmetic::ULP_DOMAIN),
         Special::Nan => Some(&arithmetic::NAN_OUTPUT),
