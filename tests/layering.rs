@@ -1,7 +1,7 @@
 //! The modules of a crate import one way only; between crates Cargo sees to that.
 //!
-//! The engine has the layers `pipeline -> interp -> program -> ops -> {module, machine -> accel} ->
-//! geometry -> math`, the base `{input, atomic_file} -> error -> {escape, sorted}`: a module may
+//! The engine has the layers `pipeline -> interp -> program -> reflect -> ops -> {module, machine ->
+//! accel} -> geometry -> math`, the base `{input, atomic_file} -> error -> {escape, sorted}`: a module may
 //! import what stands to its right. A few crates of others are named in one place only, readers of
 //! files in one file, files are written in one place, and only the command line prints.
 
@@ -18,6 +18,7 @@ const LAYERS: &[(&str, &[&[&str]])] = &[
             &["pipeline"],
             &["interp"],
             &["program"],
+            &["reflect"],
             &["ops"],
             &["module", "machine"],
             &["accel"],

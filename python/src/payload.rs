@@ -2,8 +2,7 @@
 
 use anyhit::Value;
 use anyhit_engine::ops::pointer::storage;
-use anyhit_engine::program::layout::{Layout, Rules};
-use anyhit_unit_test::layout::LayoutValues;
+use anyhit_engine::reflect::{Layout, Rules};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyString, PyTuple};
 

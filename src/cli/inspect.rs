@@ -19,9 +19,10 @@ use anyhit_engine::module::names::{
     addressing_model_name, builtin_name, capability_name, memory_model_name, storage_class_name,
 };
 use anyhit_engine::module::validate::ValidationFinding;
-use anyhit_engine::program::layout::{Layout, Rules};
-use anyhit_engine::program::struct_lookup::{StructTable, base_name, find, name_of, structs};
 use anyhit_engine::program::{self, obstacles};
+use anyhit_engine::reflect::lookup::{base_name, find, name_of, structs};
+use anyhit_engine::reflect::table::StructTable;
+use anyhit_engine::reflect::{Layout, Rules};
 use anyhit_sanitize::module_checks::check_module;
 use anyhit_sanitize::{Findings, Levels};
 use anyhit_unit_test::host_struct::compare::LayoutComparison;

@@ -3,8 +3,7 @@
 
 use anyhit_engine::module::ty::Type;
 use anyhit_engine::ops::translate::array_length;
-use anyhit_engine::program::layout::Layout;
-use anyhit_unit_test::layout::LayoutValues;
+use anyhit_engine::reflect::Layout;
 use anyhit_unit_test::value::leaves::Leaf;
 
 /// A scalar that differs: its path, its offset in bytes, and both values.
@@ -78,7 +77,8 @@ impl Walk<'_> {
             }
             _ => {
                 let size = layout.size();
-                if let [Some(one), Some(other)] = states.map(|state| leaf(layout, state.get(..size)?)) {
+                let leaf = |state: &[u8]| layout.read_scalar(state.get(..size)?).and_then(Leaf::of);
+                if let [Some(one), Some(other)] = states.map(leaf) {
                     (self.visit)(&self.path, offset, [one, other]);
                 }
             }
@@ -115,11 +115,4 @@ impl Walk<'_> {
 
 fn from(states: [&[u8]; 2], offset: usize) -> [&[u8]; 2] {
     states.map(|state| state.get(offset..).unwrap_or_default())
-}
-
-/// Reads a scalar; `None` for a type that has no value in memory.
-fn leaf(layout: Layout<'_>, bytes: &[u8]) -> Option<Leaf> {
-    let mut found = None;
-    layout.read(bytes).scalars(&mut String::new(), &mut |_, leaf| found = Some(leaf));
-    found
 }

@@ -21,7 +21,7 @@ use anyhit_compile::SourceWords;
 use anyhit_engine::module::Module;
 use anyhit_engine::module::interface::{EntryPoint, Stage};
 use anyhit_engine::ops::pointer::storage;
-use anyhit_engine::program::layout::{Layout, Rules};
+use anyhit_engine::reflect::{Layout, Rules};
 use anyhit_scene::{RunLimits, SceneFiles};
 
 pub use scene::{WrittenScene, scene};

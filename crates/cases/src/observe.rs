@@ -7,9 +7,8 @@ use anyhit_engine::machine::{Binding, Descriptor, Printed, Resources, ShaderInde
 use anyhit_engine::ops::pointer::storage;
 use anyhit_engine::pipeline::{Event, Pipeline};
 use anyhit_engine::program::Program;
-use anyhit_engine::program::layout::{Layout, Rules};
+use anyhit_engine::reflect::{Layout, Rules};
 use anyhit_scene::{Assembled, ResolvedScene};
-use anyhit_unit_test::layout::LayoutValues;
 use anyhit_unit_test::value::Value;
 
 /// A copy of a scene's resources for runs of its passes and rays, that collects what shaders print:

@@ -16,7 +16,7 @@ use anyhit_engine::machine::{Observer, Resources};
 use anyhit_engine::ops::pointer::storage;
 use anyhit_engine::pipeline::{BatchWidth, Event, Launch, Pipeline, PipelineObserver, RunOptions, Stats};
 use anyhit_engine::program::Program;
-use anyhit_engine::program::layout::{Layout, Rules};
+use anyhit_engine::reflect::{Layout, Rules};
 use anyhit_scene::file::RayEntry;
 use anyhit_scene::pass::PassWork;
 use anyhit_scene::{Assembled, ResolvedScene};

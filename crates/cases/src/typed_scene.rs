@@ -4,10 +4,9 @@ use anyhit_engine::machine::Binding;
 use anyhit_engine::module::ty::{Type, TypeId};
 use anyhit_engine::ops::pointer::storage;
 use anyhit_engine::program::Program;
-use anyhit_engine::program::layout::{Layout, Rules};
+use anyhit_engine::reflect::{Layout, Rules};
 use anyhit_scene::Assembled;
 use anyhit_scene::pass::Pass;
-use anyhit_unit_test::layout::LayoutValues;
 use anyhit_unit_test::typed::{AddressRoots, Pointees, block, bound, pointees, record_roots};
 use anyhit_unit_test::value::Value;
 

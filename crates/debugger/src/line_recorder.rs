@@ -11,9 +11,9 @@ use crate::summary;
 use anyhit_base::error::Result;
 use anyhit_base::sorted::SortedMap;
 use anyhit_engine::ops::pointer::storage;
+use anyhit_engine::reflect::value::TypedValue;
 use anyhit_explain::executed_lines::ExecutedLine;
 use anyhit_explain::transcript::{ShaderLabel, Step, Transcript};
-use anyhit_explain::values::TypedValue;
 use anyhit_explain::walk;
 
 /// How many lines are followed.

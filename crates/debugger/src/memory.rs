@@ -7,9 +7,10 @@ use anyhit_engine::machine::format::{Class, Format};
 use anyhit_engine::machine::image::{Image, ImageState};
 use anyhit_engine::machine::{Binding, Buffer, Descriptor, Resources};
 use anyhit_engine::pipeline::{Pipeline, WrittenMemory};
-use anyhit_explain::layout::BufferLayout;
+use anyhit_engine::reflect::value::{TypedValue, ValueContent};
+use anyhit_engine::reflect::{Layout, MemoryPart};
+use anyhit_explain::layout::{member_at, of_binding};
 use anyhit_explain::transcript::{ChangeLocation, MemoryChange};
-use anyhit_explain::values::{self, TypedValue};
 use anyhit_scene::ResolvedScene;
 use anyhit_scene::pass::Pass;
 use anyhit_scene::resolved::RebindingSource;
@@ -80,7 +81,7 @@ impl Snapshot {
                     changed_texels(before, after, id.filter(|_| Some(at.0) == output && at.1 == 0))
                 }
                 (Some(ResourceContent::Words(before)), Descriptor::Buffer(after)) => {
-                    let layout = seen(at).and_then(|at| BufferLayout::of(pipeline, at));
+                    let layout = seen(at).and_then(|at| of_binding(pipeline, at));
                     changed_words(layout, before, &words(after))
                 }
                 _ => continue,
@@ -157,7 +158,7 @@ fn changed_texels(before: &ImageState, after: &Image, wanted: Option<[u32; 3]>) 
 }
 
 /// Changed words of a buffer; if the buffer's type is known, changed scalars and vectors.
-fn changed_words(layout: Option<BufferLayout<'_>>, before: &[u32], after: &[u32]) -> Vec<Change> {
+fn changed_words(layout: Option<Layout<'_>>, before: &[u32], after: &[u32]) -> Vec<Change> {
     let mut changes = Vec::new();
     let mut done = 0;
     for at in 0..before.len().min(after.len()) {
@@ -165,24 +166,24 @@ fn changed_words(layout: Option<BufferLayout<'_>>, before: &[u32], after: &[u32]
             continue;
         }
         let byte = 4 * at as u64;
-        let member = layout.and_then(|layout| Some((layout, layout.member_at(byte)?)));
-        let member = member.filter(|(_, member)| member.offset + member.size <= 4 * before.len() as u64);
+        let member = layout.and_then(|layout| member_at(layout, byte));
+        let member = member.filter(|member| member.end() <= 4 * before.len() as u64);
         changes.push(match member {
-            Some((layout, member)) => {
-                let words = (member.offset / 4) as usize..((member.offset + member.size) / 4) as usize;
+            Some(member) => {
+                let words = (member.offset / 4) as usize..(member.end() / 4) as usize;
                 done = words.end;
+                let MemoryPart { path, layout, .. } = member;
+                let value = |words: &[u32]| TypedValue::of_type(layout.module, layout.ty, words);
                 Change {
                     target: ChangeLocation::Byte(member.offset),
-                    before: layout.value(&member, &before[words.clone()]),
-                    after: layout.value(&member, &after[words]),
-                    member: Some(member.path),
+                    before: value(&before[words.clone()]),
+                    after: value(&after[words]),
+                    member: Some(path),
                 }
             }
             None => {
-                let word = |word: u32| TypedValue {
-                    ty: "uint".into(),
-                    content: values::ValueContent::Uint(word.into()),
-                };
+                let word =
+                    |word: u32| TypedValue { ty: "uint".into(), content: ValueContent::Uint(word.into()) };
                 let (before, after) = (word(before[at]), word(after[at]));
                 Change { target: ChangeLocation::Byte(byte), member: None, before, after }
             }
@@ -226,16 +227,15 @@ fn colour(format: Format, bits: u128) -> TypedValue {
         (Class::Uint, true) => ("u64", "uint64_t"),
     };
     let component = |bits: u64| match format.class() {
-        Class::Float => values::ValueContent::f32(f32::from_bits(bits as u32)),
-        Class::Sint => values::ValueContent::Int(bits as i64),
-        Class::Uint => values::ValueContent::Uint(bits),
+        Class::Float => ValueContent::f32(f32::from_bits(bits as u32)),
+        Class::Sint => ValueContent::Int(bits as i64),
+        Class::Uint => ValueContent::Uint(bits),
     };
     let parts: Vec<_> = format.decode(bits).into_iter().take(format.channels.into()).map(component).collect();
-    match <[values::ValueContent; 1]>::try_from(parts) {
+    match <[ValueContent; 1]>::try_from(parts) {
         Ok([content]) => TypedValue { ty: scalar.to_owned(), content },
-        Err(parts) => TypedValue {
-            ty: format!("{prefix}vec{}", parts.len()),
-            content: values::ValueContent::List(parts),
-        },
+        Err(parts) => {
+            TypedValue { ty: format!("{prefix}vec{}", parts.len()), content: ValueContent::List(parts) }
+        }
     }
 }

@@ -7,6 +7,7 @@
 //! * [`accel`]: acceleration structures, and a traversal that stops for shaders.
 //! * [`module`], [`machine`]: SPIR-V as a typed module; the state of a running batch.
 //! * [`ops`]: the instruction set, with translation and evaluation of each instruction.
+//! * [`reflect`]: layouts of types, names of their parts, values read from bytes.
 //! * [`program`]: a lowered entry point, its optimised form, and the proof that both agree.
 //! * [`interp`]: the loops over the operations of a batch.
 //! * [`pipeline`]: launches, the shader binding table, the stack of shader calls.
@@ -25,3 +26,4 @@ pub mod module;
 pub mod ops;
 pub mod pipeline;
 pub mod program;
+pub mod reflect;

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use crate::values::TypedValue;
+use anyhit_engine::reflect::value::TypedValue;
 
 /// A line that ran, once or several times.
 #[derive(Clone, Debug, PartialEq, Serialize)]

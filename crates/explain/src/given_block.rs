@@ -2,13 +2,13 @@
 
 use serde::Serialize;
 
-use crate::values::TypedValue;
 use anyhit_engine::machine::Buffer;
 use anyhit_engine::module::ty::{Type, TypeId};
 use anyhit_engine::ops::pointer::storage;
 use anyhit_engine::program::Program;
 use anyhit_engine::program::descriptors::declared_blocks;
-use anyhit_engine::program::layout::{Layout, Rules};
+use anyhit_engine::reflect::value::TypedValue;
+use anyhit_engine::reflect::{Layout, Rules};
 
 /// The largest block whose value is shown, in bytes.
 const MAX_SHOWN: usize = 1024;
@@ -38,8 +38,9 @@ pub(super) fn given_block(
     let layout = Layout::new(&program.module, ty, Rules::Explicit);
     let declared = layout.size();
     let value = (declared <= MAX_SHOWN && !has_runtime_array(layout)).then(|| {
-        let words = packed_words(layout, &bytes);
-        named(TypedValue::of_type(&program.module, ty, &words))
+        let mut given = bytes.clone();
+        given.resize(declared, 0);
+        named(TypedValue::of_bytes(layout, &given))
     });
     Some(GivenBlock { given: bytes.len() as u64, declared: declared as u64, value })
 }
@@ -50,22 +51,4 @@ fn has_runtime_array(layout: Layout<'_>) -> bool {
         Type::Struct { members, .. } => members.last().is_some_and(|member| is_runtime(member.ty)),
         _ => false,
     }
-}
-
-/// The words of a value, scalar after scalar, from its bytes in a layout.
-fn packed_words(layout: Layout<'_>, bytes: &[u8]) -> Vec<u32> {
-    let mut words = Vec::new();
-    for (offset, scalar) in layout.scalars() {
-        let mut bits = [0; 8];
-        let size = scalar.size().min(bits.len());
-        let given = bytes.get(offset..).unwrap_or_default();
-        let count = size.min(given.len());
-        bits[..count].copy_from_slice(&given[..count]);
-        let bits = u64::from_le_bytes(bits);
-        words.push(bits as u32);
-        if size > 4 {
-            words.push((bits >> 32) as u32);
-        }
-    }
-    words
 }

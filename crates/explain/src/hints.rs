@@ -8,8 +8,8 @@ use crate::transcript::{
     Trace, Traversal,
 };
 use crate::traversal_hints::{time_lost, undecided_candidates, world_ray};
-use crate::values::{FloatValue, TypedValue};
 use crate::walk::{self, AnyRay, PlacedRay};
+use anyhit_engine::reflect::value::{FloatValue, TypedValue};
 
 /// How many hints of one kind are told.
 const MAX_OF_A_KIND: usize = 3;

@@ -23,7 +23,6 @@ pub mod summary_words;
 pub mod transcript;
 mod traversal;
 mod traversal_hints;
-pub mod values;
 pub mod walk;
 
 pub use transcript::Transcript;

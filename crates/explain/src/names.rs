@@ -6,13 +6,13 @@ use std::path::Path;
 use std::sync::Arc;
 
 use crate::transcript::{Flags, ShaderLabel, TranscriptLine};
-use crate::values::TypedValue;
 use anyhit_base::error::Place;
 use anyhit_engine::accel::{HitKind, RecordIndex, Tlas};
 use anyhit_engine::geometry::Surface;
 use anyhit_engine::machine::{DeviceMemory, OpIndex, ShaderIndex};
 use anyhit_engine::pipeline::Pipeline;
 use anyhit_engine::program::Program;
+use anyhit_engine::reflect::value::TypedValue;
 
 /// SPIR-V, "Ray Flags".
 const FLAGS: &[(u32, &str)] = &[

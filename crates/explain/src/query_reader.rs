@@ -5,10 +5,10 @@ use std::sync::Arc;
 
 use crate::names::{self, Names};
 use crate::transcript::{QueryCandidate, QueryEnd, QueryReport, Step};
-use crate::values::FloatValue;
 use anyhit_engine::accel::{Tlas, TraceRay};
 use anyhit_engine::machine::{RayQueryEvent, RayQueryStep};
 use anyhit_engine::program::Program;
+use anyhit_engine::reflect::value::FloatValue;
 
 /// Reads the ray queries of one shader run.
 pub(super) struct QueryReader<'a> {

@@ -7,14 +7,13 @@ use std::vec::IntoIter;
 use crate::builtin_names::source_name;
 use crate::executed_lines::PrintedText;
 use crate::given_block::given_block;
-use crate::layout::BufferLayout;
+use crate::layout::{declared_size, members, of_record};
 use crate::names::{self, Names};
 use crate::query_reader::QueryReader;
 use crate::transcript::{
     Arithmetic, Decision, ExitKind, NamedValue, RecordChoice, RecordData, RecordMember, ShaderExit,
     ShaderRun, Step, Trace,
 };
-use crate::values::{FloatValue, TypedValue};
 use anyhit_engine::accel::{Candidate, RecordIndex, Tlas};
 use anyhit_engine::machine::{Buffer, Exit, ShaderIndex};
 use anyhit_engine::module::interface::Stage;
@@ -22,6 +21,7 @@ use anyhit_engine::module::ty::TypeId;
 use anyhit_engine::ops::pointer::storage;
 use anyhit_engine::pipeline::{Caller, Event, Pipeline, SbtRecord};
 use anyhit_engine::program::Program;
+use anyhit_engine::reflect::value::{FloatValue, TypedValue};
 
 const SKIP_CLOSEST_HIT: u32 = 8;
 
@@ -342,14 +342,14 @@ fn data_of(record: Option<&SbtRecord>) -> Option<Arc<Buffer>> {
 
 /// The data of a record by the layout that a shader declares; `None` where it declares none.
 fn record_data(program: &Program, data: &Buffer, names: &Names<'_>) -> Option<RecordData> {
-    let layout = BufferLayout::of_record(program)?;
+    let layout = of_record(program)?;
     let given = data.size();
-    let declared = layout.size(given);
+    let declared = declared_size(layout, given);
     let word = |at: u64| data.load(4 * at, 32).unwrap_or(0);
-    let members = layout.members(declared, MAX_RECORD_MEMBERS).into_iter().map(|member| {
-        let end = member.offset + member.size;
-        let words: Vec<u32> = (member.offset / 4..end.div_ceil(4)).map(word).collect();
-        let value = (end <= given).then(|| names.value(layout.value(&member, &words)));
+    let members = members(layout, declared, MAX_RECORD_MEMBERS).into_iter().map(|member| {
+        let words: Vec<u32> = (member.offset / 4..member.end().div_ceil(4)).map(word).collect();
+        let bytes: Vec<u8> = words.into_iter().flat_map(u32::to_le_bytes).collect();
+        let value = (member.end() <= given).then(|| names.value(TypedValue::of_bytes(member.layout, &bytes)));
         RecordMember { member: member.path, byte: member.offset, value }
     });
     let behind = (declared.div_ceil(4)..given / 4).take(MAX_RECORD_MEMBERS).map(word);

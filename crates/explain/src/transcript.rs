@@ -8,9 +8,9 @@ use serde::Serialize;
 
 use crate::executed_lines::{ExecutedLine, PrintedText};
 use crate::given_block::GivenBlock;
-use crate::values::{FloatValue, TypedValue};
 use anyhit_base::error::ErrorReport;
 use anyhit_base::sorted::SortedMap;
+use anyhit_engine::reflect::value::{FloatValue, TypedValue};
 
 /// The version of the JSON.
 pub const VERSION: u32 = 1;

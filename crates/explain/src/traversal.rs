@@ -7,13 +7,13 @@ use crate::transcript::{
     HitReport, InstanceOutcome, InstanceReport, NamedValue, PrimitiveOutcome, PrimitiveReport,
     TranscriptLine, Traversal,
 };
-use crate::values::{FloatValue, TypedValue, ValueContent};
 use anyhit_engine::accel::geometry::primitive_count;
 use anyhit_engine::accel::{
     self, Committed, HitPrimitive, InstanceVerdict, PrimitiveVerdict, Tlas, TraceRay, surface_normal,
 };
 use anyhit_engine::geometry::{Bounds, Intersection, Surface};
 use anyhit_engine::math::array;
+use anyhit_engine::reflect::value::{FloatValue, TypedValue, ValueContent};
 
 impl Names<'_> {
     /// A ray before its traversal.

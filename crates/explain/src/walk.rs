@@ -3,7 +3,7 @@
 use crate::near_hits::NearHits;
 use crate::transcript::TranscriptLine;
 use crate::transcript::{HitReport, QueryReport, ShaderRun, Step, Trace, Traversal};
-use crate::values::FloatValue;
+use anyhit_engine::reflect::value::FloatValue;
 
 /// A ray that was traced, or that of a ray query.
 #[derive(Clone, Copy, Debug)]

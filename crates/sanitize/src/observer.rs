@@ -161,7 +161,7 @@ impl Sanitizer<'_> {
                 if let Some(uniform) = &plan.steps[op.index()].uniformity {
                     uniformity::check(self, batch, op, uniform);
                 }
-                stale::stop(&mut shadow, &plan.stale, stopped, batch.mask);
+                stale::stop(&mut shadow, &plan.stale, next, batch.mask);
                 batch.registers.shadow = Some(shadow);
             }
             Op::RayQuery(RayQueryOp::Initialize { operands, .. }) => {

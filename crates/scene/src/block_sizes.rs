@@ -12,7 +12,7 @@ use anyhit_engine::pipeline::group::{Group, HitGroup};
 use anyhit_engine::pipeline::{Pipeline, SbtRecord};
 use anyhit_engine::program::Program;
 use anyhit_engine::program::descriptors::declared_blocks;
-use anyhit_engine::program::layout::{Layout, Rules};
+use anyhit_engine::reflect::{Layout, Rules};
 
 /// Returns a note for each buffer, record and push-constant range that is smaller than a shader's
 /// block for it. `of_passes` returns the own bindings of each pass that runs a program.

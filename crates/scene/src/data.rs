@@ -23,7 +23,7 @@ use crate::tree::Toml;
 use crate::typed_scalars::{self, TypedScalars};
 use anyhit_base::error::{ErrorKind, Result};
 use anyhit_base::input::InputLimit;
-use anyhit_engine::program::struct_lookup::DataBlock;
+use anyhit_engine::reflect::lookup::DataBlock;
 
 /// A sequence of pieces.
 #[derive(Clone, Debug)]

@@ -11,8 +11,8 @@ use anyhit_base::input::InputLimit;
 use anyhit_engine::machine::Binding;
 use anyhit_engine::program::Program;
 use anyhit_engine::program::descriptors::{DescriptorType, declared, list, missing};
-use anyhit_engine::program::layout::Layout;
-use anyhit_engine::program::struct_lookup::{DataBlock, find_block};
+use anyhit_engine::reflect::Layout;
+use anyhit_engine::reflect::lookup::{DataBlock, find_block};
 
 /// The errors for bindings whose resources have types that the shaders do not declare.
 ///

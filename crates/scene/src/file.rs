@@ -34,7 +34,7 @@ use anyhit_engine::machine::sampler::Sampler;
 use anyhit_engine::module::interface::Stage;
 use anyhit_engine::ops::pointer::storage;
 use anyhit_engine::pipeline::{DeviceProfile, Pipeline, PipelineFlags, RayOperands, check_callable_depth};
-use anyhit_engine::program::layout::{Layout, Rules};
+use anyhit_engine::reflect::{Layout, Rules};
 
 /// The version of the format that this crate reads.
 pub const VERSION: u32 = 1;

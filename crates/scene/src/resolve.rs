@@ -34,7 +34,7 @@ use anyhit_engine::machine::PrintedBytes;
 use anyhit_engine::machine::sampler::Sampler;
 use anyhit_engine::module::Module;
 use anyhit_engine::pipeline::DeviceProfile;
-use anyhit_engine::program::struct_lookup::DataBlock;
+use anyhit_engine::reflect::lookup::DataBlock;
 
 mod bindings;
 mod kept_places;

@@ -17,7 +17,7 @@ use anyhit_base::error::{Error, ErrorKind, Result};
 use anyhit_base::input::InputLimit;
 use anyhit_engine::machine::resource::ELEMENT_BITS;
 use anyhit_engine::machine::sampler::Sampler;
-use anyhit_engine::program::struct_lookup::DataBlock;
+use anyhit_engine::reflect::lookup::DataBlock;
 
 /// The content of one descriptor. Images with one content, in the sense of [`Arc::ptr_eq`], are one
 /// image at several bindings.

@@ -22,9 +22,9 @@ use anyhit_base::sorted::sort_by_key;
 use anyhit_engine::module::Module;
 use anyhit_engine::module::ty::Type;
 use anyhit_engine::ops::translate::array_length;
-use anyhit_engine::program::layout::Layout;
-use anyhit_engine::program::struct_lookup::{
-    DataBlock, distinct, find, find_block, layout_note, longest, name_of, strides,
+use anyhit_engine::reflect::Layout;
+use anyhit_engine::reflect::lookup::{
+    DataBlock, distinct, find, find_block, layout_note, longest, name_of, padded_size, strides,
 };
 
 /// Names of missing members that an error lists.
@@ -254,12 +254,7 @@ impl Writer<'_> {
     fn whole(&mut self, piece: &StructPiece, layout: Layout<'_>, value: TomlValue<'_>) -> Option<usize> {
         let Some(elements) = value.elements() else {
             self.write(layout, value, "", 0)?;
-            // As C's `sizeof`: where the module has arrays of the struct, up to the next element.
-            let end = self.bytes.len().max(layout.size());
-            return match (layout.runtime_stride(), &strides(layout)[..]) {
-                (None, &[stride]) => self.grow(end.max(stride as usize), value),
-                _ => self.grow(end, value),
-            };
+            return self.grow(self.bytes.len().max(padded_size(layout)), value);
         };
         let Type::Struct { members, .. } = layout.module.ty(layout.ty) else { return None };
         if let ([member], None) = (&members[..], &piece.name) {

@@ -8,9 +8,8 @@ use crate::scalar::Scalar;
 use anyhit_base::error::Error;
 use anyhit_engine::module::Module;
 use anyhit_engine::module::ty::Type;
-use anyhit_engine::ops::translate::array_length;
-use anyhit_engine::program::layout::Layout;
-use anyhit_engine::program::struct_lookup::{DataBlock, find_block, layout_note};
+use anyhit_engine::reflect::lookup::{DataBlock, find_block, layout_note};
+use anyhit_engine::reflect::{Layout, ScalarSearch};
 
 /// Bytes by which a block may be padded at its end.
 const PADDING: usize = 16;
@@ -64,8 +63,8 @@ impl TypedScalars {
         let wrong = |message: String, help: String| Some(Misfit { span: self.span.clone(), message, help });
         for (offset, bits) in self.each().filter(|(_, bits)| *bits != 0) {
             let name = self.scalar.name();
-            match part_at(layout, offset) {
-                Part::Scalar(found, start) => {
+            match layout.scalar_at(offset) {
+                ScalarSearch::Scalar(found, start) => {
                     let ty = found.module.ty(found.ty);
                     let is_narrow = matches!(ty, Type::Bool | Type::Int { width: ..32, .. })
                         || matches!(ty, Type::Float { width: ..32, .. });
@@ -84,7 +83,7 @@ impl TypedScalars {
                     };
                     return wrong(format!("`{path}` is {declared}: found the {name} {text}"), help);
                 }
-                Part::Padding => {
+                ScalarSearch::Padding => {
                     let text = self.scalar.text(bits);
                     return wrong(
                         format!("the {name} {text} at byte {offset} is in padding, which no shader reads"),
@@ -92,7 +91,7 @@ impl TypedScalars {
                             .to_owned(),
                     );
                 }
-                Part::Beyond => {}
+                ScalarSearch::Beyond => {}
             }
         }
         None
@@ -103,64 +102,6 @@ impl TypedScalars {
         let wrong = self.each().find(|(_, bits)| *bits != 0 && !self.scalar.fits(*bits, ty))?;
         Some(format!("the {} {}", self.scalar.name(), self.scalar.text(wrong.1)))
     }
-}
-
-/// What a layout has at an offset.
-enum Part<'m> {
-    /// A scalar, and where it begins.
-    Scalar(Layout<'m>, usize),
-    Padding,
-    /// The layout ends before.
-    Beyond,
-}
-
-fn part_at(layout: Layout<'_>, at: usize) -> Part<'_> {
-    match *layout.module.ty(layout.ty) {
-        Type::Bool | Type::Int { .. } | Type::Float { .. } | Type::Pointer { .. } => {
-            if at < layout.size() {
-                Part::Scalar(layout, 0)
-            } else {
-                Part::Beyond
-            }
-        }
-        Type::Struct { .. } => first_part(layout.members(), at),
-        Type::Array { element, .. } | Type::RuntimeArray { element, .. } => {
-            let stride = layout.stride();
-            let length = match *layout.module.ty(layout.ty) {
-                Type::Array { length, .. } => array_length(layout.module, length),
-                _ => usize::MAX,
-            };
-            match at.checked_div(stride) {
-                Some(index) if index < length => {
-                    match part_at(Layout { ty: element, ..layout }, at % stride) {
-                        Part::Scalar(found, start) => Part::Scalar(found, index * stride + start),
-                        // Behind the last element there is nothing; between two, padding.
-                        Part::Beyond if index + 1 == length => Part::Beyond,
-                        Part::Beyond | Part::Padding => Part::Padding,
-                    }
-                }
-                _ => Part::Beyond,
-            }
-        }
-        _ => first_part(layout.parts().into_iter(), at),
-    }
-}
-
-/// What one of several parts has at an offset: members may share their bytes.
-fn first_part<'m>(parts: impl Iterator<Item = (usize, Layout<'m>)>, at: usize) -> Part<'m> {
-    let mut is_before = false;
-    for (offset, part) in parts {
-        if offset > at {
-            is_before = true;
-            continue;
-        }
-        match part_at(part, at - offset) {
-            Part::Scalar(found, start) => return Part::Scalar(found, offset + start),
-            Part::Padding => is_before = true,
-            Part::Beyond => {}
-        }
-    }
-    if is_before { Part::Padding } else { Part::Beyond }
 }
 
 /// Compares data with the block that the modules declare, where one declares it. Of several

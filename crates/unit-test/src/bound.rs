@@ -4,7 +4,6 @@ use std::sync::Arc;
 
 use bytemuck::AnyBitPattern;
 
-use crate::layout::LayoutValues;
 use crate::texels::Texels;
 use crate::typed::{AddressRoots, pointed};
 use crate::value::Value;
@@ -14,7 +13,7 @@ use anyhit_engine::machine::{Binding, Descriptor, Resources};
 use anyhit_engine::module::ty::TypeId;
 use anyhit_engine::program::Program;
 use anyhit_engine::program::descriptors::declared_blocks;
-use anyhit_engine::program::layout::{Layout, Rules};
+use anyhit_engine::reflect::{Layout, Rules};
 
 /// What was bound for some shaders, and so how it is laid out.
 #[derive(Clone, Debug)]

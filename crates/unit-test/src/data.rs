@@ -6,14 +6,14 @@ use std::sync::Arc;
 use bytemuck::{AnyBitPattern, NoUninit};
 
 use crate::fit;
-use crate::layout::LayoutValues;
+use crate::layout_mismatch::mismatch;
 use crate::rust_layout::{Known, RustLayout};
 use crate::scalars::{self, Scalars};
 use crate::value::Value;
 use anyhit_base::error::{Error, ErrorKind, Result};
 use anyhit_engine::module::Module;
 use anyhit_engine::module::ty::TypeId;
-use anyhit_engine::program::layout::{Layout, Rules};
+use anyhit_engine::reflect::{Layout, Rules};
 
 /// A payload or callable data: bytes with the type that the shader gives them.
 #[derive(Clone)]
@@ -59,7 +59,7 @@ impl TypedBytes {
     pub fn read<T: AnyBitPattern + Debug>(&self) -> Result<T> {
         if self.bytes.len() != size_of::<T>() {
             let rust = RustLayout::of(&bytemuck::Zeroable::zeroed() as &T);
-            return Err(self.layout().mismatch(self.what, &rust, None));
+            return Err(mismatch(self.layout(), self.what, &rust, None));
         }
         let value = bytemuck::pod_read_unaligned(&self.bytes);
         let rust = RustLayout::of::<T>(&value);
@@ -108,7 +108,7 @@ impl TypedBytes {
     /// `InvalidArgument` where a Rust value is none of this type.
     pub(super) fn check(&self, given: &HostBytes) -> Result<()> {
         if given.bytes.len() != self.bytes.len() {
-            return Err(self.layout().mismatch(self.what, &given.rust, None));
+            return Err(mismatch(self.layout(), self.what, &given.rust, None));
         }
         fit::check_scalars(self.layout(), self.what, &given.rust, &|| given.bytes.clone())
     }

@@ -8,12 +8,12 @@
 
 use std::collections::HashSet;
 
-use crate::layout::LayoutValues;
+use crate::layout_mismatch::mismatch;
 use crate::rust_layout::{Class, HostScalar, Known, RustLayout};
 use crate::value::bits_of;
 use anyhit_base::error::Result;
 use anyhit_engine::module::ty::Type;
-use anyhit_engine::program::layout::Layout;
+use anyhit_engine::reflect::Layout;
 
 /// Bytes by which a block may be padded at its end.
 const PADDING: usize = 16;
@@ -153,7 +153,7 @@ pub fn check_block(
         (None, _) => (size..size + PADDING).contains(&rust.size),
     };
     if !fits {
-        return Err(layout.mismatch(what, rust, None));
+        return Err(mismatch(layout, what, rust, None));
     }
     check_scalars(layout, what, rust, bytes)
 }
@@ -177,7 +177,7 @@ pub(super) fn check_scalars(
     };
     match why {
         None => Ok(()),
-        Some(why) => Err(layout.mismatch(what, rust, Some(why).filter(|why| !why.is_empty()))),
+        Some(why) => Err(mismatch(layout, what, rust, Some(why).filter(|why| !why.is_empty()))),
     }
 }
 

@@ -15,7 +15,7 @@ use anyhit_base::error::{Error, ErrorKind, Result};
 use anyhit_engine::machine::{Binding, Buffer, Descriptor, Resources};
 use anyhit_engine::ops::pointer::storage;
 use anyhit_engine::program::Program;
-use anyhit_engine::program::layout::{Layout, Rules};
+use anyhit_engine::reflect::{Layout, Rules};
 
 /// Resources, and as what Rust types buffers were given.
 #[derive(Clone, Debug, Default)]

@@ -23,7 +23,7 @@ pub mod hit;
 pub mod host_struct;
 mod image_views;
 pub mod instance;
-pub mod layout;
+mod layout_mismatch;
 pub mod memory;
 pub mod mock;
 pub mod normal;

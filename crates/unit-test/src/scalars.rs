@@ -6,7 +6,7 @@ use anyhit_engine::module::Module;
 use anyhit_engine::module::scalar_value::ScalarValue;
 use anyhit_engine::module::ty::Type;
 use anyhit_engine::ops::builtin::{self, Builtin, ValueShape};
-use anyhit_engine::program::layout::Layout;
+use anyhit_engine::reflect::Layout;
 
 /// Scalars in the nesting of arrays: a vector is a list of its components, a matrix a list of its
 /// columns.

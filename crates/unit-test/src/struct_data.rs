@@ -9,7 +9,7 @@ use crate::data::{HostBytes, member_of};
 use crate::fit::check_scalars;
 use crate::host_struct::HostLayout;
 use crate::host_struct::compare::compare;
-use crate::layout::LayoutValues;
+use crate::layout_mismatch::mismatch;
 use crate::rust_layout::RustLayout;
 use crate::scalars::{self, Scalars};
 use crate::value::Value;
@@ -18,8 +18,9 @@ use anyhit_base::input::InputLimit;
 use anyhit_engine::machine::Binding;
 use anyhit_engine::module::Module;
 use anyhit_engine::module::ty::{Type, TypeId};
-use anyhit_engine::program::layout::{Layout, Rules};
-use anyhit_engine::program::struct_lookup::{DataBlock, StructTable, find, find_block, layout_note, strides};
+use anyhit_engine::reflect::lookup::{DataBlock, find, find_block, layout_note, padded_size, strides};
+use anyhit_engine::reflect::table::StructTable;
+use anyhit_engine::reflect::{Layout, Rules};
 
 /// The bytes of a struct, laid out by the `Offset`, `ArrayStride` and `MatrixStride` of a module.
 ///
@@ -109,12 +110,8 @@ impl StructData {
     }
 
     fn zeros(module: &Arc<Module>, layout: Layout<'_>) -> Self {
-        let stride = match (layout.runtime_stride(), &strides(layout)[..]) {
-            (None, &[stride]) => stride as usize,
-            _ => 0,
-        };
         // A module may claim any size: one beyond the limit is left empty, and `set` refuses it.
-        let size = layout.size().max(stride);
+        let size = padded_size(layout);
         let most = module.limits.get(InputLimit::BufferBytes);
         let bytes = vec![0; if size as u64 <= most { size } else { 0 }];
         Self { module: module.clone(), ty: layout.ty, bytes }
@@ -182,7 +179,7 @@ impl StructData {
         };
         match fits {
             true => check_scalars(layout, "the struct", &given.rust, &|| given.bytes.clone()),
-            false => Err(layout.mismatch("the struct", rust, None)),
+            false => Err(mismatch(layout, "the struct", rust, None)),
         }
     }
 

@@ -10,7 +10,7 @@ use crate::bound::{Bound, reads_what_is_bound};
 use crate::data::TypedBytes;
 use crate::explain::{Explain, Explanation, TracedRay};
 use crate::image_views;
-use crate::layout::LayoutValues;
+use crate::layout_mismatch::mismatch;
 use crate::memory;
 use crate::rust_layout::RustLayout;
 use crate::scene::Scene;
@@ -28,7 +28,7 @@ use anyhit_engine::pipeline::{
     StreamedImage,
 };
 use anyhit_engine::program::Program;
-use anyhit_engine::program::layout::{Layout, Rules};
+use anyhit_engine::reflect::{Layout, Rules};
 
 /// The closest hit of a ray.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -246,7 +246,7 @@ impl Scene {
             && operands.payload.len() != words
         {
             let given = RustLayout::untold("the given payload".into(), operands.payload.len() * 4);
-            return Err(layout(program, registers).mismatch("the payload", &given, None));
+            return Err(mismatch(layout(program, registers), "the payload", &given, None));
         }
         operands.trace.flags.check_known().map_err(|message| {
             Error::new(ErrorKind::InvalidArgument, message)

@@ -3,7 +3,6 @@
 use std::collections::{HashSet, VecDeque};
 use std::sync::Arc;
 
-use crate::layout::LayoutValues;
 use crate::value::Value;
 use anyhit_engine::machine::{Binding, Buffer, Descriptor, Resources};
 use anyhit_engine::module::Module;
@@ -11,7 +10,7 @@ use anyhit_engine::module::ty::{Type, TypeId};
 use anyhit_engine::ops::pointer::storage;
 use anyhit_engine::pipeline::{Pipeline, Sbt};
 use anyhit_engine::program::Program;
-use anyhit_engine::program::layout::{Layout, Rules};
+use anyhit_engine::reflect::{FromParts, Layout, Rules};
 
 /// The most elements of a buffer in which further pointers are searched.
 const ELEMENTS: usize = 64;
@@ -47,7 +46,7 @@ impl Pointees<'_> {
             return layout.read(bytes);
         }
         let elements = (0..count).map(|index| layout.read(&bytes[index * stride..])).collect();
-        Value::list(layout.module.describe_type(layout.ty), bytes, elements)
+        Value::list(layout, bytes, elements)
     }
 }
 

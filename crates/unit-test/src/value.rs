@@ -13,6 +13,9 @@ use crate::explain::{Explain, Explanation};
 use crate::number::NumberType;
 use anyhit_base::error::{Error, ErrorKind, Result};
 use anyhit_engine::math::float_format::FloatFormat;
+use anyhit_engine::module::ty::{Member, Type};
+use anyhit_engine::reflect::value::FloatValue;
+use anyhit_engine::reflect::{FromParts, Layout, Scalar};
 
 /// A value that a shader left: a payload, a buffer, a member or an element of one.
 ///
@@ -37,66 +40,75 @@ impl PartialEq for Value {
     }
 }
 
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 enum Content {
-    Scalar(Number),
+    Scalar(Scalar),
     List(Vec<Value>),
     Struct(Vec<(String, Value)>),
     Opaque,
 }
 
-#[derive(Clone, Copy, Debug)]
-enum Number {
-    Bool(bool),
-    Int(i64),
-    Uint(u64),
-    Float(f64),
-}
-
-impl PartialEq for Number {
+impl PartialEq for Content {
     fn eq(&self, other: &Self) -> bool {
-        match (*self, *other) {
-            (Self::Bool(one), Self::Bool(two)) => one == two,
-            (Self::Int(one), Self::Int(two)) => one == two,
-            (Self::Uint(one), Self::Uint(two)) => one == two,
-            (Self::Float(one), Self::Float(two)) => {
-                one.to_bits() == two.to_bits() || one.is_nan() && two.is_nan()
+        match (self, other) {
+            (Self::Scalar(Scalar::Float(one)), Self::Scalar(Scalar::Float(two))) => {
+                one == two || one.as_f64().is_nan() && two.as_f64().is_nan()
             }
+            (Self::Scalar(one), Self::Scalar(two)) => integer(*one) == integer(*two),
+            (Self::List(one), Self::List(two)) => one == two,
+            (Self::Struct(one), Self::Struct(two)) => one == two,
+            (Self::Opaque, Self::Opaque) => true,
             _ => false,
         }
     }
 }
 
-impl Value {
-    pub(super) fn float(ty: String, bytes: &[u8], format: Option<FloatFormat>) -> Self {
-        let number = |format: FloatFormat| Content::Scalar(Number::Float(format.value(bits_of(bytes))));
-        let content = format.map_or(Content::Opaque, number);
-        Self { ty, bytes: bytes.to_vec(), content, explanation: None }
+/// The number of a scalar that is no float.
+fn integer(scalar: Scalar) -> Option<i128> {
+    match scalar {
+        Scalar::Bool(value) => Some(value.into()),
+        Scalar::Int(value) => Some(value.into()),
+        Scalar::Uint(value) | Scalar::Address(value) => Some(value.into()),
+        Scalar::Float(_) | Scalar::Handle(_) => None,
+    }
+}
+
+impl FromParts for Value {
+    fn scalar(layout: Layout<'_>, bytes: &[u8], scalar: Scalar) -> Self {
+        match scalar {
+            Scalar::Handle(_) => Self::opaque(layout),
+            scalar => Self::new(layout, bytes, Content::Scalar(scalar)),
+        }
     }
 
-    pub(super) fn scalar(ty: String, bytes: &[u8], kind: &str) -> Self {
-        let bits = bits_of(bytes);
-        let content = match kind {
-            "bool" => Content::Scalar(Number::Bool(bits != 0)),
-            "i8" => Content::Scalar(Number::Int((bits as i8).into())),
-            "i16" => Content::Scalar(Number::Int((bits as i16).into())),
-            "i32" => Content::Scalar(Number::Int((bits as i32).into())),
-            "i64" => Content::Scalar(Number::Int(bits as i64)),
-            "u8" => Content::Scalar(Number::Uint((bits as u8).into())),
-            "u16" => Content::Scalar(Number::Uint((bits as u16).into())),
-            "u32" => Content::Scalar(Number::Uint((bits as u32).into())),
-            "u64" => Content::Scalar(Number::Uint(bits)),
-            _ => Content::Opaque,
+    fn list(layout: Layout<'_>, bytes: &[u8], parts: Vec<Self>) -> Self {
+        Self::new(layout, bytes, Content::List(parts))
+    }
+
+    fn structure(layout: Layout<'_>, bytes: &[u8], members: Vec<Self>) -> Self {
+        let names: &[Member] = match layout.module.ty(layout.ty) {
+            Type::Struct { members, .. } => members,
+            _ => &[],
         };
+        let named = names.iter().zip(members).enumerate().map(|(index, (member, value))| {
+            let name = match member.name.as_str() {
+                "" => format!("_{index}"),
+                name => name.to_owned(),
+            };
+            (name, value)
+        });
+        Self::new(layout, bytes, Content::Struct(named.collect()))
+    }
+
+    fn opaque(layout: Layout<'_>) -> Self {
+        Self::new(layout, &[], Content::Opaque)
+    }
+}
+
+impl Value {
+    fn new(layout: Layout<'_>, bytes: &[u8], content: Content) -> Self {
+        let ty = layout.module.describe_type(layout.ty);
         Self { ty, bytes: bytes.to_vec(), content, explanation: None }
-    }
-
-    pub(super) fn list(ty: String, bytes: &[u8], elements: Vec<Self>) -> Self {
-        Self { ty, bytes: bytes.to_vec(), content: Content::List(elements), explanation: None }
-    }
-
-    pub(super) fn structure(ty: String, bytes: &[u8], fields: Vec<(String, Self)>) -> Self {
-        Self { ty, bytes: bytes.to_vec(), content: Content::Struct(fields), explanation: None }
     }
 
     /// A value of no type: what a shader without a payload leaves.
@@ -122,29 +134,27 @@ impl Value {
     /// Every scalar in it that is a number, with its bytes' kind: `f32`, `u16`, ...
     pub(super) fn numbers(&self) -> Vec<(NumberType, u64)> {
         match &self.content {
-            Content::Scalar(number) => {
-                let bits = bits_of(&self.bytes);
-                let scalar = match (number, self.ty.as_str()) {
-                    (Number::Float(_), "double") => NumberType::F64,
-                    (Number::Float(_), "float") => NumberType::F32,
-                    (Number::Float(_), "bfloat16_t") => NumberType::Bf16,
-                    (Number::Float(_), "floate4m3_t") => NumberType::E4m3,
-                    (Number::Float(_), "floate5m2_t") => NumberType::E5m2,
-                    (Number::Float(_), _) => NumberType::F16,
-                    (Number::Int(_), _) => match self.bytes.len() {
-                        1 => NumberType::I8,
-                        2 => NumberType::I16,
-                        8 => NumberType::I64,
-                        _ => NumberType::I32,
+            Content::Scalar(scalar) => {
+                let kind = match (*scalar, self.bytes.len()) {
+                    (Scalar::Float(FloatValue::F64(_)), _) => NumberType::F64,
+                    (Scalar::Float(FloatValue::F32(_)), _) => NumberType::F32,
+                    (Scalar::Float(FloatValue::F16(_)), _) => NumberType::F16,
+                    (Scalar::Float(FloatValue::Small(format, _)), _) => match format {
+                        FloatFormat::BFloat16 => NumberType::Bf16,
+                        FloatFormat::E4M3 => NumberType::E4m3,
+                        FloatFormat::E5M2 => NumberType::E5m2,
+                        _ => NumberType::F16,
                     },
-                    (Number::Uint(_) | Number::Bool(_), _) => match self.bytes.len() {
-                        1 => NumberType::U8,
-                        2 => NumberType::U16,
-                        8 => NumberType::U64,
-                        _ => NumberType::U32,
-                    },
+                    (Scalar::Int(_), 1) => NumberType::I8,
+                    (Scalar::Int(_), 2) => NumberType::I16,
+                    (Scalar::Int(_), 8) => NumberType::I64,
+                    (Scalar::Int(_), _) => NumberType::I32,
+                    (_, 1) => NumberType::U8,
+                    (_, 2) => NumberType::U16,
+                    (_, 8) => NumberType::U64,
+                    _ => NumberType::U32,
                 };
-                vec![(scalar, bits)]
+                vec![(kind, bits_of(&self.bytes))]
             }
             Content::List(elements) => elements.iter().flat_map(Self::numbers).collect(),
             Content::Struct(fields) => fields.iter().flat_map(|(_, value)| value.numbers()).collect(),
@@ -214,7 +224,7 @@ impl Value {
     #[must_use]
     pub fn field(&self, name: &str) -> Option<&Self> {
         match &self.content {
-            Content::List(elements) if elements.iter().all(|element| element.number().is_some()) => {
+            Content::List(elements) if elements.iter().all(|element| element.as_scalar().is_some()) => {
                 elements.get(["x", "y", "z", "w"].iter().position(|known| *known == name)?)
             }
             Content::Struct(fields) => fields.iter().find(|(known, _)| known == name).map(|(_, value)| value),
@@ -242,11 +252,11 @@ impl Value {
         }
     }
 
-    fn number(&self) -> Option<Number> {
+    fn as_scalar(&self) -> Option<Scalar> {
         match &self.content {
-            Content::Scalar(number) => Some(*number),
+            Content::Scalar(scalar) => Some(*scalar),
             // A block of one member is used like the member.
-            Content::Struct(fields) if fields.len() == 1 => fields[0].1.number(),
+            Content::Struct(fields) if fields.len() == 1 => fields[0].1.as_scalar(),
             _ => None,
         }
     }
@@ -263,9 +273,10 @@ impl Value {
     #[track_caller]
     #[must_use]
     pub fn f32(&self) -> f32 {
-        match self.number() {
-            Some(Number::Float(value)) if self.ty != "double" => value as f32,
-            _ => self.is_not("a float"),
+        match self.as_scalar() {
+            Some(Scalar::Float(FloatValue::F64(_))) | None => self.is_not("a float"),
+            Some(Scalar::Float(value)) => value.as_f64() as f32,
+            Some(_) => self.is_not("a float"),
         }
     }
 
@@ -276,8 +287,8 @@ impl Value {
     #[track_caller]
     #[must_use]
     pub fn f64(&self) -> f64 {
-        match self.number() {
-            Some(Number::Float(value)) => value,
+        match self.as_scalar() {
+            Some(Scalar::Float(value)) => value.as_f64(),
             _ => self.is_not("a float"),
         }
     }
@@ -289,8 +300,10 @@ impl Value {
     #[track_caller]
     #[must_use]
     pub fn u32(&self) -> u32 {
-        match self.number() {
-            Some(Number::Uint(value)) => u32::try_from(value).unwrap_or_else(|_| self.is_not("a uint")),
+        match self.as_scalar() {
+            Some(Scalar::Uint(value) | Scalar::Address(value)) => {
+                u32::try_from(value).unwrap_or_else(|_| self.is_not("a uint"))
+            }
             _ => self.is_not("a uint"),
         }
     }
@@ -302,8 +315,8 @@ impl Value {
     #[track_caller]
     #[must_use]
     pub fn i32(&self) -> i32 {
-        match self.number() {
-            Some(Number::Int(value)) => i32::try_from(value).unwrap_or_else(|_| self.is_not("an int")),
+        match self.as_scalar() {
+            Some(Scalar::Int(value)) => i32::try_from(value).unwrap_or_else(|_| self.is_not("an int")),
             _ => self.is_not("an int"),
         }
     }
@@ -315,11 +328,11 @@ impl Value {
     #[track_caller]
     #[must_use]
     pub fn integer(&self) -> i128 {
-        match self.number() {
-            Some(Number::Uint(value)) => value.into(),
-            Some(Number::Int(value)) => value.into(),
-            _ => self.is_not("an integer"),
+        match self.as_scalar() {
+            Some(scalar) if !matches!(scalar, Scalar::Bool(_)) => integer(scalar),
+            _ => None,
         }
+        .unwrap_or_else(|| self.is_not("an integer"))
     }
 
     /// A `bool`.
@@ -329,8 +342,8 @@ impl Value {
     #[track_caller]
     #[must_use]
     pub fn bool(&self) -> bool {
-        match self.number() {
-            Some(Number::Bool(value)) => value,
+        match self.as_scalar() {
+            Some(Scalar::Bool(value)) => value,
             _ => self.is_not("a bool"),
         }
     }
@@ -447,11 +460,13 @@ impl Explain for Value {
 impl fmt::Debug for Value {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match &self.content {
-            Content::Scalar(Number::Bool(value)) => write!(f, "{value}"),
-            Content::Scalar(Number::Int(value)) => write!(f, "{value}"),
-            Content::Scalar(Number::Uint(value)) => write!(f, "{value}u"),
-            Content::Scalar(Number::Float(value)) if self.ty != "double" => write!(f, "{:?}", *value as f32),
-            Content::Scalar(Number::Float(value)) => write!(f, "{value:?}"),
+            Content::Scalar(Scalar::Bool(value)) => write!(f, "{value}"),
+            Content::Scalar(Scalar::Int(value)) => write!(f, "{value}"),
+            Content::Scalar(Scalar::Uint(value) | Scalar::Address(value) | Scalar::Handle(value)) => {
+                write!(f, "{value}u")
+            }
+            Content::Scalar(Scalar::Float(FloatValue::F64(value))) => write!(f, "{value:?}"),
+            Content::Scalar(Scalar::Float(value)) => write!(f, "{:?}", value.as_f64() as f32),
             Content::List(elements) => {
                 write!(f, "{} ", self.ty)?;
                 f.debug_list().entries(elements.iter().take(64)).finish()

@@ -18,7 +18,7 @@ use anyhit_engine::ops::op::Op;
 use anyhit_engine::ops::shared_access::SharedPart;
 use anyhit_engine::pipeline::{Company, Event, Launch, PipelineObserver, RunOptions, SteppedDispatch};
 use anyhit_engine::program::Program;
-use anyhit_engine::program::struct_lookup::{DataBlock, find_block};
+use anyhit_engine::reflect::lookup::{DataBlock, find_block};
 use anyhit_explain::names;
 use anyhit_explain::transcript::TranscriptLine;
 use anyhit_scene::file::RayEntry;

@@ -7,8 +7,8 @@ use anyhit_engine::module::Module;
 use anyhit_engine::module::ty::{Type, TypeId};
 use anyhit_engine::ops::pointer::storage;
 use anyhit_engine::ops::translate::array_length;
-use anyhit_engine::program::layout::{Layout, Rules};
-use anyhit_engine::program::struct_lookup::{same_layout, spelling, strides};
+use anyhit_engine::reflect::lookup::{same_layout, spelling, strides};
+use anyhit_engine::reflect::{Layout, Rules};
 
 /// How many pointers are followed one after the other; those behind are null.
 const DEPTH: usize = 8;

@@ -10,7 +10,7 @@ use anyhit_engine::module::interface::{InterfaceVariable, Stage};
 use anyhit_engine::module::ty::{ImageType, Type, TypeId};
 use anyhit_engine::ops::image::declared::declared_format;
 use anyhit_engine::ops::pointer::storage;
-use anyhit_engine::program::layout::{Layout, Rules};
+use anyhit_engine::reflect::{Layout, Rules};
 use anyhit_scene::image::format_name;
 
 /// Elements that a texel buffer gets, and a runtime array of a case.

@@ -12,7 +12,7 @@ use anyhit_engine::machine::Binding;
 use anyhit_engine::module::ty::TypeId;
 use anyhit_engine::ops::pointer::storage;
 use anyhit_engine::program::Program;
-use anyhit_engine::program::layout::{Layout, Rules};
+use anyhit_engine::reflect::{Layout, Rules};
 use anyhit_scene::resolved::{ResolvedGroup, ResolvedRecord, ShaderCode};
 use anyhit_scene::resources::Resource;
 use anyhit_scene::{Assembled, ResolvedScene};

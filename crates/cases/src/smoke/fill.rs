@@ -12,7 +12,7 @@ use anyhit_engine::math::random::Random;
 use anyhit_engine::module::Module;
 use anyhit_engine::module::ty::{Type, TypeId};
 use anyhit_engine::ops::translate::array_length;
-use anyhit_engine::program::layout::{Layout, Rules};
+use anyhit_engine::reflect::{Layout, Rules};
 
 /// Elements that a runtime array, or memory behind an address, is given at least.
 const ELEMENTS: usize = 1024;

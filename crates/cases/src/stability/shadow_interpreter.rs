@@ -16,7 +16,7 @@ use anyhit_engine::machine::format::Class;
 use anyhit_engine::machine::object::ObjectRef;
 use anyhit_engine::machine::{Batch, Bindings, BlockIndex, Exit, OpIndex, Reg};
 use anyhit_engine::module::interface::Stage;
-use anyhit_engine::ops::access::Access;
+use anyhit_engine::ops::access::{Access, RegCopy};
 use anyhit_engine::ops::image::ImageOp;
 use anyhit_engine::ops::lane_kernel::LaneKernel;
 use anyhit_engine::ops::memory::{self, Chunk};
@@ -253,62 +253,56 @@ impl<'a> ShadowInterpreter<'a> {
         }
     }
 
-    fn memory_op(&mut self, batch: &Batch<1>, bindings: &Bindings, op: &memory::MemoryOp, offset: u32) {
+    /// Follows copies of registers, loads and stores; other results have no shadow.
+    fn move_op(&mut self, batch: &Batch<1>, bindings: &Bindings, op: &Op, offset: u32) {
         let Some(frame) = self.frames.last_mut() else { return };
-        let at = |first: Reg, register: Reg| first.computed(batch.registers[register].0[0]);
-        match *op {
-            memory::MemoryOp::Move { to, from } | memory::MemoryOp::MoveMasked { to, from } => {
-                let entry = frame.entry(from);
-                frame.set(to, entry);
-                let bits = bits(batch, from, 1);
-                frame.join_packed(to, bits, &[(from, bits)]);
+        if let Some(RegCopy { to, from, .. }) = op.copy() {
+            let entry = frame.entry(from);
+            frame.set(to, entry);
+            let bits = bits(batch, from, 1);
+            frame.join_packed(to, bits, &[(from, bits)]);
+        } else if let Some(computed) = op.computed_registers() {
+            let element = computed.first.computed(batch.registers[computed.index].0[0]);
+            let (to, from) =
+                if computed.writes { (element, computed.other) } else { (computed.other, element) };
+            for word in 0..computed.count {
+                let entry = frame.entry(from.plus(word));
+                frame.set(to.plus(word), entry);
             }
-            memory::MemoryOp::Gather { to, count, first, index } => {
-                for word in 0..count {
-                    let entry = frame.entry(at(first, index).plus(word));
-                    frame.set(to.plus(word), entry);
+        } else if let Some((to, chunk)) = op.buffer_load() {
+            let keys = memory_keys(batch, bindings, chunk);
+            let mut halves = Vec::new();
+            for word in 0..chunk.count {
+                let known = keys.and_then(|key| self.memory.get(&key(word)).copied());
+                frame.set(to.plus(word), known);
+                if let Some(key) = keys.filter(|_| chunk.width == 32) {
+                    frame.load_packed(to.plus(word), key(word), &self.memory);
+                }
+                let bits = bits(batch, to.plus(word), 1);
+                if let Some(entry) = known.filter(|entry| chunk.width == 16 && entry.bits == bits) {
+                    halves.push((float(bits, 16), entry.value));
                 }
             }
-            memory::MemoryOp::Scatter { from, count, first, index } => {
-                for word in 0..count {
-                    let entry = frame.entry(from.plus(word));
-                    frame.set(at(first, index).plus(word), entry);
+            for (own, value) in halves {
+                self.read_back(offset, own, value, 16);
+            }
+        } else if let Some((from, chunk)) = op.buffer_store() {
+            let Some(key) = memory_keys(batch, bindings, chunk) else { return };
+            for word in 0..chunk.count {
+                match frame.entry(from.plus(word)) {
+                    Some(entry) => self.memory.insert(key(word), entry),
+                    None => self.memory.remove(&key(word)),
+                };
+                if chunk.width == 32 {
+                    frame.store_packed(from.plus(word), key(word), &mut self.memory);
                 }
             }
-            memory::MemoryOp::BufferLoad { to, chunk } => {
-                let keys = memory_keys(batch, bindings, &chunk);
-                let mut halves = Vec::new();
-                for word in 0..chunk.count {
-                    let known = keys.and_then(|key| self.memory.get(&key(word)).copied());
-                    frame.set(to.plus(word), known);
-                    if let Some(key) = keys.filter(|_| chunk.width == 32) {
-                        frame.load_packed(to.plus(word), key(word), &self.memory);
-                    }
-                    let bits = bits(batch, to.plus(word), 1);
-                    if let Some(entry) = known.filter(|entry| chunk.width == 16 && entry.bits == bits) {
-                        halves.push((float(bits, 16), entry.value));
-                    }
+        } else {
+            op.accesses(|access| {
+                if let Access::Write(first, count) = access {
+                    frame.invalidate(first, count);
                 }
-                for (own, value) in halves {
-                    self.read_back(offset, own, value, 16);
-                }
-            }
-            memory::MemoryOp::BufferStore { from, chunk } => {
-                let Some(key) = memory_keys(batch, bindings, &chunk) else { return };
-                for word in 0..chunk.count {
-                    match frame.entry(from.plus(word)) {
-                        Some(entry) => self.memory.insert(key(word), entry),
-                        None => self.memory.remove(&key(word)),
-                    };
-                    if chunk.width == 32 {
-                        frame.store_packed(from.plus(word), key(word), &mut self.memory);
-                    }
-                }
-            }
-            memory::MemoryOp::Index { to, .. } | memory::MemoryOp::ArrayLength { to, .. } => {
-                frame.invalidate(to, 1)
-            }
-            memory::MemoryOp::Undefine { .. } => {}
+            });
         }
     }
 
@@ -569,10 +563,6 @@ impl Probe for ShadowInterpreter<'_> {
                 let offset = program.origins[at].offset;
                 self.lane_kernel(batch, offset, context.shadow_ops[shader][at], kernel, *to, from);
             }
-            Op::Memory(op) => {
-                let offset = program.origins[at].offset;
-                self.memory_op(batch, bindings, op, offset);
-            }
             Op::RayQuery(op) => self.ray_query_op(batch, program.origins[at].offset, op),
             Op::Image(ImageOp::Write(op)) if op.is_float() => {
                 if let (Some(id), false) = (self.launch_id, self.dispatch) {
@@ -592,11 +582,7 @@ impl Probe for ShadowInterpreter<'_> {
                     }
                 }
             }
-            other => other.accesses(|access| {
-                if let Access::Write(first, count) = access {
-                    frame.invalidate(first, count);
-                }
-            }),
+            op => self.move_op(batch, bindings, op, program.origins[at].offset),
         }
         for (offset, own, value, width) in read_back {
             self.read_back(offset, own, value, width);

@@ -1,6 +1,6 @@
 //! What is set by hand: what ran after it is forgotten, and the invocation goes on with it.
 
-use anyhit_explain::values::TypedValue;
+use anyhit_engine::reflect::value::TypedValue;
 
 use super::Debugger;
 use super::condition::WatchedWords;

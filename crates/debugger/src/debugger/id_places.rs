@@ -4,16 +4,16 @@ use std::sync::Arc;
 
 use crate::debugger::lane_state::LaneState;
 use crate::debugger::place_memory::{MemoryBase, MemoryPlace, PlaceContext};
-use crate::debugger::value_layout::{constant_words, word_count};
 use crate::debugger::variable_place::VariablePlace;
 use anyhit_engine::machine::{Bindings, REGISTER_POINTER, Reg};
 use anyhit_engine::module::constant::ConstantValue;
-use anyhit_engine::module::ty::{Type, TypeId};
-use anyhit_engine::module::{Definition, Id};
+use anyhit_engine::module::ty::{MatrixLayout, Type, TypeId};
+use anyhit_engine::module::{Definition, Id, Module};
 use anyhit_engine::ops::memory::{BufferRef, OUT_OF_BOUNDS};
-use anyhit_engine::ops::pointer::{Pointer, PointerBase};
+use anyhit_engine::ops::pointer::{PointeeLayout, Pointer, PointerBase};
 use anyhit_engine::ops::translate::IdValue;
 use anyhit_engine::program::Program;
+use anyhit_engine::reflect::{Layout, Rules};
 
 /// Why a value that is no variable cannot be set.
 const NO_VARIABLE: &str = "it is a value, not a variable: the compiler may have used it already";
@@ -110,7 +110,7 @@ impl IdPlaces<'_> {
     fn try_of_pointer(&self, pointer: &Pointer) -> Result<VariablePlace, &'static str> {
         let (context, ty) = (&self.context, pointer.pointee);
         let outside = "an index of its access chain is out of bounds";
-        let words = || word_count(&context.module, ty).ok_or("it cannot be read as a whole");
+        let words = || context.packed(ty).word_count().ok_or("it cannot be read as a whole");
         match pointer.base {
             PointerBase::Registers { first, count, constant } => {
                 let (offset, words) = (self.offset(pointer).ok_or(outside)?, words()?);
@@ -144,8 +144,11 @@ impl IdPlaces<'_> {
                     BufferRef::Address(reg) => MemoryBase::Address(self.address(reg)),
                 };
                 let offset = self.offset(pointer).ok_or(outside)?;
-                let packed = context.is_packed(pointer.storage_class);
-                let memory = MemoryPlace { base, offset, layout: pointer.layout, packed };
+                let PointeeLayout { matrix, component_stride } = pointer.layout;
+                // A vector whose components lie apart is a column of a row-major matrix.
+                let column = component_stride.map(|stride| MatrixLayout { stride, row_major: true });
+                let (rules, matrix) = (context.rules(pointer.storage_class), matrix.or(column));
+                let memory = MemoryPlace { base, offset, rules, matrix };
                 Ok(VariablePlace::memory(context, ty, memory))
             }
             PointerBase::Descriptors { first, buffers, .. } => {
@@ -159,4 +162,23 @@ impl IdPlaces<'_> {
             PointerBase::Texel(_) => Err("it is a texel, which only atomic instructions access"),
         }
     }
+}
+
+/// The words of a constant; `None` where it has to be calculated.
+fn constant_words(module: &Module, id: Id) -> Option<Vec<u32>> {
+    let Some(Definition::Constant(index)) = module.definition(id) else { return None };
+    let constant = &module.constants[index as usize];
+    let count = Layout::new(module, constant.ty, Rules::Packed).word_count()?;
+    Some(match &constant.value {
+        &ConstantValue::Scalar(bits) => [bits as u32, (bits >> 32) as u32][..count.min(2) as usize].to_vec(),
+        ConstantValue::Composite(parts) => {
+            let mut words = Vec::new();
+            for &part in parts {
+                words.extend(constant_words(module, part)?);
+            }
+            Some(words).filter(|words| words.len() == count as usize)?
+        }
+        ConstantValue::Null => vec![0; count as usize],
+        _ => return None,
+    })
 }

@@ -2,7 +2,7 @@
 
 use anyhit_engine::module::Id;
 use anyhit_engine::module::ty::Type;
-use anyhit_explain::values::TypedValue;
+use anyhit_engine::reflect::value::TypedValue;
 
 use super::Debugger;
 use super::expression::{self, Evaluated, EventNames};

@@ -38,7 +38,6 @@ mod stopped_lane;
 pub mod tracker;
 mod traversal_names;
 mod unwritten;
-mod value_layout;
 mod value_paths;
 pub mod variable_place;
 pub mod variables;

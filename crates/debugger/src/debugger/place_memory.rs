@@ -6,9 +6,11 @@ use std::sync::Arc;
 use crate::debugger::lane_state::LaneState;
 use anyhit_engine::machine::{Binding, Bindings, Buffer, DeviceMemory};
 use anyhit_engine::module::Module;
+use anyhit_engine::module::ty::{MatrixLayout, TypeId};
 use anyhit_engine::ops::memory::{PUSH_CONSTANTS_HANDLE, SHADER_RECORD_HANDLE, WORKGROUP_HANDLE};
-use anyhit_engine::ops::pointer::{PointeeLayout, storage};
+use anyhit_engine::ops::pointer::storage;
 use anyhit_engine::program::Program;
+use anyhit_engine::reflect::{Layout, Rules};
 
 /// What all places of a program share.
 #[derive(Debug)]
@@ -30,9 +32,18 @@ impl PlaceContext {
         })
     }
 
-    /// Whether variables of a storage class are in workgroup memory that has no layout of its own.
-    pub(super) fn is_packed(&self, storage_class: u32) -> bool {
-        storage_class == storage::WORKGROUP && self.packed_workgroup
+    /// A type as its values lie in registers.
+    pub(super) fn packed(&self, ty: TypeId) -> Layout<'_> {
+        Layout::new(&self.module, ty, Rules::Packed)
+    }
+
+    /// The rules that place variables of a storage class: workgroup memory may have no layout of its
+    /// own.
+    pub(super) fn rules(&self, storage_class: u32) -> Rules {
+        match storage_class {
+            storage::WORKGROUP if self.packed_workgroup => Rules::Packed,
+            _ => Rules::Explicit,
+        }
     }
 
     /// A descriptor in words: the name of its resource in the scene, else that of the shader.
@@ -58,9 +69,10 @@ impl PlaceContext {
 pub(super) struct MemoryPlace {
     pub(super) base: MemoryBase,
     pub(super) offset: u64,
-    pub(super) layout: PointeeLayout,
-    /// Whether each scalar takes as many words as in registers.
-    pub(super) packed: bool,
+    /// The rules that place the parts of the value.
+    pub(super) rules: Rules,
+    /// The layout of matrices, and of a vector that is a column of one.
+    pub(super) matrix: Option<MatrixLayout>,
 }
 
 /// The memory from which a place counts its offset.

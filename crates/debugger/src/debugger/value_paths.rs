@@ -7,12 +7,11 @@ use smallvec::SmallVec;
 
 use crate::debugger::id_places::IdPlaces;
 use crate::debugger::source_locals::SourceLocal;
-use crate::debugger::value_layout::child_types;
 use crate::debugger::variable_place::VariablePlace;
 use anyhit_engine::module::debug_scopes::VariableLocation;
-use anyhit_engine::module::ty::{Type, TypeId};
+use anyhit_engine::module::ty::TypeId;
 use anyhit_engine::module::{BasicBlock, Function, Module};
-use anyhit_engine::ops::translate::array_length;
+use anyhit_engine::reflect::{Layout, Rules};
 
 /// The locations, of those of one variable in ascending order, that hold at a word offset of a
 /// function: the last ones on each way that leads there. More than one cannot be told apart.
@@ -111,8 +110,8 @@ fn join(
     let noted = whole.map_or(0, |(_, offset, _)| *offset);
     let later: Vec<_> =
         parts.iter().filter(|(path, offset, _)| !path.is_empty() && *offset >= noted).collect();
-    let count = child_types(&places.program.module, ty);
-    let (true, Some(types)) = (!later.is_empty(), count) else {
+    let types = child_types(&places.program.module, ty);
+    let (false, Some(types)) = (later.is_empty(), types) else {
         return match whole {
             Some((.., place)) => (*place).clone(),
             None => VariablePlace::unavailable(&places.context, ty, why),
@@ -163,19 +162,19 @@ fn type_with_parts(
     Some(candidates.find(is_named).unwrap_or(first))
 }
 
+/// The most parts of a value that is put together from them.
+const MAX_PARTS: usize = 4096;
+
+/// The types of the parts of a value; `None` where it has none, or very many.
+fn child_types(module: &Module, ty: TypeId) -> Option<Vec<TypeId>> {
+    let layout = Layout::new(module, ty, Rules::Packed);
+    let types = || (0..layout.child_count()).filter_map(|at| layout.child(at)).map(|(_, part)| part.ty);
+    (1..=MAX_PARTS).contains(&layout.child_count()).then(|| types().collect())
+}
+
 /// The type of the part that indices lead to.
-fn part_type(module: &Module, mut ty: TypeId, path: &[u32]) -> Option<TypeId> {
-    for &at in path {
-        ty = match module.ty(ty) {
-            Type::Struct { members, .. } => members.get(at as usize)?.ty,
-            &Type::Vector { component: part, count } | &Type::Matrix { column: part, count } => {
-                (at < count).then_some(part)?
-            }
-            &Type::Array { element, length, .. } => {
-                ((at as usize) < array_length(module, length)).then_some(element)?
-            }
-            _ => return None,
-        };
-    }
-    Some(ty)
+fn part_type(module: &Module, ty: TypeId, path: &[u32]) -> Option<TypeId> {
+    let whole = Layout::new(module, ty, Rules::Packed);
+    let found = path.iter().try_fold(whole, |layout, &at| layout.child(at as usize).map(|(_, part)| part));
+    found.map(|part| part.ty)
 }

@@ -7,19 +7,19 @@ use std::sync::Arc;
 use crate::debugger::lane_state::LaneState;
 use crate::debugger::object_state;
 use crate::debugger::place_memory::{MemoryBase, MemoryPlace, PlaceContext, outside};
-use crate::debugger::value_layout::{
-    MAX_WORDS, buffer_scalars, column_layout, is_array_of_blocks, members_words, scalar_bytes, scalars_among,
-    word_count,
-};
 use crate::debugger::words_then::{UNWRITTEN, WordsThen};
 use anyhit_engine::machine::device_memory::STRUCTURE_HANDLE;
 use anyhit_engine::machine::{Bindings, Buffer, REGISTER_POINTER, Reg};
 use anyhit_engine::module::Module;
 use anyhit_engine::module::ty::{Type, TypeId};
-use anyhit_engine::ops::pointer::{PointeeLayout, storage};
+use anyhit_engine::ops::pointer::storage;
 use anyhit_engine::ops::translate::array_length;
 use anyhit_engine::ops::value_registers::Words;
-use anyhit_explain::values::{AddressValue, TypedValue, ValueContent, ValueMember, type_name};
+use anyhit_engine::reflect::value::{AddressValue, TypedValue, ValueContent, ValueMember, type_name};
+use anyhit_engine::reflect::{Layout, MAX_WORDS, Rules};
+
+/// A word of a value in a buffer: its byte offset and its bits.
+type BufferWord = (u64, u32);
 
 /// The most elements of an array that are read with the value that it is part of.
 const MAX_LISTED: u64 = 256;
@@ -149,7 +149,7 @@ impl VariablePlace {
             PlaceStorage::Constant(words) => Ok(words.to_vec()),
             PlaceStorage::Memory(memory) => {
                 let (buffer, range) = memory.base.buffer(state)?;
-                let load = |(offset, width): (u64, u32)| {
+                let load = |(offset, width): BufferWord| {
                     let found = range.start.checked_add(offset);
                     let found = found.filter(|at| at.saturating_add((width / 8).into()) <= range.end);
                     found.and_then(|at| buffer.load(at, width)).ok_or_else(|| outside(offset, &range))
@@ -195,8 +195,7 @@ impl VariablePlace {
     /// # Errors
     /// The reason why it cannot be set.
     pub fn set_words(&self, state: &mut dyn LaneState, words: &[u32]) -> Result<(), String> {
-        let count = word_count(self.module(), self.ty);
-        if count.is_none_or(|count| count as usize != words.len()) {
+        if self.word_count() != Some(words.len()) {
             return Err(format!("the value is not of the type {}", self.type_name()));
         }
         match &self.storage {
@@ -208,7 +207,7 @@ impl VariablePlace {
             PlaceStorage::Memory(memory) => {
                 let scalars = self.scalars(memory)?;
                 let (buffer, range) = memory.base.buffer(state)?;
-                let end = |&(offset, width): &(u64, u32)| {
+                let end = |&(offset, width): &BufferWord| {
                     range.start.saturating_add(offset).saturating_add((width / 8).into())
                 };
                 if let Some(&(offset, _)) = scalars.iter().find(|scalar| end(scalar) > range.end) {
@@ -222,7 +221,7 @@ impl VariablePlace {
             PlaceStorage::Parts(parts) => {
                 let mut rest = words;
                 for part in parts {
-                    let count = word_count(self.module(), part.ty).unwrap_or(0) as usize;
+                    let count = part.word_count().unwrap_or(0);
                     let (these, others) = rest.split_at(count.min(rest.len()));
                     part.set_words(state, these)?;
                     rest = others;
@@ -253,7 +252,7 @@ impl VariablePlace {
 
     /// How many words a value of the type has in registers; `None` where that is not known.
     pub fn word_count(&self) -> Option<usize> {
-        word_count(self.module(), self.ty).map(|count| count as usize)
+        self.context.packed(self.ty).word_count().map(|count| count as usize)
     }
 
     /// The memory that holds the value, in whole words, where memory does.
@@ -278,12 +277,16 @@ impl VariablePlace {
         found.map(WordsThen::of_memory).as_ref().unwrap_or(then).value(self.module(), self.ty)
     }
 
-    fn scalars(&self, memory: &MemoryPlace) -> Result<Vec<(u64, u32)>, String> {
-        if memory.packed {
-            let count = word_count(self.module(), self.ty).ok_or("it cannot be read as a whole")?;
-            return Ok((0..count).map(|word| (memory.offset + 4 * u64::from(word), 32)).collect());
-        }
-        buffer_scalars(self.module(), self.ty, memory.offset, memory.layout)
+    fn scalars(&self, memory: &MemoryPlace) -> Result<Vec<BufferWord>, String> {
+        let too_large = || format!("{} cannot be read as a whole", self.module().describe_type(self.ty));
+        self.word_count().ok_or_else(too_large)?;
+        let words = self.layout_in(memory).words().into_iter();
+        let placed = words.map(|(offset, width)| Some((memory.offset.checked_add(offset as u64)?, width)));
+        placed.collect::<Option<_>>().ok_or_else(too_large)
+    }
+
+    fn layout_in(&self, memory: &MemoryPlace) -> Layout<'_> {
+        Layout { matrix: memory.matrix, ..Layout::new(self.module(), self.ty, memory.rules) }
     }
 
     /// The value. Where a part of it cannot be read, or is an array too long to be shown, a text
@@ -437,33 +440,28 @@ impl VariablePlace {
     /// # Errors
     /// The message where there is none.
     pub fn child(&self, at: u64) -> Result<Self, String> {
-        let module = self.module();
-        let (part, count) = match module.ty(self.ty) {
-            Type::Struct { members, .. } => {
-                (members.get(at as usize).map(|member| member.ty), Some(members.len() as u64))
-            }
-            &Type::Vector { component: part, count } | &Type::Matrix { column: part, count } => {
-                (Some(part), Some(count.into()))
-            }
-            &Type::Array { element, length, .. } => {
-                (Some(element), Some(array_length(module, length) as u64))
-            }
-            &Type::RuntimeArray { element, .. } => (Some(element), None),
-            _ => return Err(format!("{} has no parts", self.type_name())),
-        };
-        let part = part.filter(|_| count.is_none_or(|count| at < count));
-        let part = part.ok_or_else(|| format!("{at} is outside {}", self.type_name()))?;
+        let packed = self.context.packed(self.ty);
+        if packed.is_scalar() {
+            return Err(format!("{} has no parts", self.type_name()));
+        }
+        let index = usize::try_from(at).unwrap_or(usize::MAX);
+        let (offset, part) =
+            packed.child(index).ok_or_else(|| format!("{at} is outside {}", self.type_name()))?;
+        let (words, part) = (offset / 4..offset.saturating_add(part.size()) / 4, part.ty);
         let storage = match &self.storage {
             PlaceStorage::Registers { registers, fixed } => {
-                let registers = self.part_words(part, at).and_then(|range| registers.get(range));
-                let registers = registers.ok_or("the value has no such part")?.into();
+                let registers = registers.get(words).ok_or("the value has no such part")?.into();
                 PlaceStorage::Registers { registers, fixed: *fixed }
             }
-            PlaceStorage::Constant(words) => {
-                let words = self.part_words(part, at).and_then(|range| words.get(range));
-                PlaceStorage::Constant(words.ok_or("the value has no such part")?.into())
+            PlaceStorage::Constant(all) => {
+                PlaceStorage::Constant(all.get(words).ok_or("the value has no such part")?.into())
             }
-            PlaceStorage::Memory(memory) => PlaceStorage::Memory(self.part_memory(memory, part, at)?),
+            PlaceStorage::Memory(memory) => {
+                let outside = "the offset is outside all memory";
+                let (offset, part) = self.layout_in(memory).child(index).ok_or(outside)?;
+                let offset = memory.offset.checked_add(offset as u64).ok_or(outside)?;
+                PlaceStorage::Memory(MemoryPlace { offset, matrix: part.matrix, ..*memory })
+            }
             PlaceStorage::Descriptors { first, buffers } => {
                 self.part_descriptor(*first, *buffers, part, at)?
             }
@@ -474,52 +472,6 @@ impl VariablePlace {
             PlaceStorage::Unavailable(why) => PlaceStorage::Unavailable(why.clone()),
         };
         Ok(Self::new(&self.context, part, storage))
-    }
-
-    /// The words of a part among those of the whole.
-    fn part_words(&self, part: TypeId, at: u64) -> Option<Range<usize>> {
-        let module = self.module();
-        let count = word_count(module, part)? as usize;
-        let start = match module.ty(self.ty) {
-            Type::Struct { members, .. } => {
-                members_words(module, members[..at as usize].iter().map(|member| member.ty))? as usize
-            }
-            _ => usize::try_from(at).ok()?.checked_mul(count)?,
-        };
-        Some(start..start.checked_add(count)?)
-    }
-
-    fn part_memory(&self, memory: &MemoryPlace, part: TypeId, at: u64) -> Result<MemoryPlace, String> {
-        let module = self.module();
-        let unknown = || format!("the memory layout of {} is unknown", self.type_name());
-        let (offset, layout) = if memory.packed {
-            let words = self.part_words(part, at).ok_or_else(unknown)?;
-            (4 * words.start as u64, PointeeLayout::default())
-        } else {
-            let (stride, layout) = match module.ty(self.ty) {
-                Type::Struct { members, .. } => {
-                    let member = &members[at as usize];
-                    let offset = member.offset.ok_or_else(unknown)?;
-                    let layout = PointeeLayout::of_matrix(member.matrix);
-                    return Ok(MemoryPlace { offset: memory.offset + u64::from(offset), layout, ..*memory });
-                }
-                &Type::Vector { component, .. } => {
-                    let stride = memory.layout.component_stride.or_else(|| scalar_bytes(module, component));
-                    (stride, PointeeLayout::default())
-                }
-                &Type::Matrix { column, .. } => {
-                    let (stride, layout) =
-                        column_layout(module, column, memory.layout).ok_or_else(unknown)?;
-                    (Some(stride), layout)
-                }
-                Type::Array { stride, .. } | Type::RuntimeArray { stride, .. } => (*stride, memory.layout),
-                _ => (None, memory.layout),
-            };
-            let offset = at.checked_mul(stride.ok_or_else(unknown)?.into());
-            (offset.ok_or("the offset is outside all memory")?, layout)
-        };
-        let offset = memory.offset.checked_add(offset).ok_or("the offset is outside all memory")?;
-        Ok(MemoryPlace { offset, layout, ..*memory })
     }
 
     fn part_descriptor(
@@ -541,8 +493,8 @@ impl VariablePlace {
         let element = element.and_then(|element| u32::try_from(element).ok());
         let handle = Bindings::handle(slot as u32, element.ok_or("the index is outside all descriptors")?);
         Ok(if buffers && inner == part {
-            let (base, layout) = (MemoryBase::Descriptor(handle), PointeeLayout::default());
-            PlaceStorage::Memory(MemoryPlace { base, offset: 0, layout, packed: false })
+            let base = MemoryBase::Descriptor(handle);
+            PlaceStorage::Memory(MemoryPlace { base, offset: 0, rules: Rules::Explicit, matrix: None })
         } else {
             PlaceStorage::Descriptors { first: handle, buffers }
         })
@@ -572,13 +524,14 @@ impl VariablePlace {
         let Type::Pointer { storage_class, pointee: Some(ty), .. } = *module.ty(pointer) else {
             return Err(format!("{} is not a pointer", module.describe_type(pointer)));
         };
-        let memory = |base, offset, packed| {
-            Self::memory(context, ty, MemoryPlace { base, offset, layout: PointeeLayout::default(), packed })
+        let memory = |base, offset| {
+            let rules = context.rules(storage_class);
+            Self::memory(context, ty, MemoryPlace { base, offset, rules, matrix: None })
         };
         Ok(match (storage_class, words) {
             (storage::PHYSICAL_STORAGE_BUFFER, &[0, 0]) => return Err("the pointer is null".into()),
             (storage::PHYSICAL_STORAGE_BUFFER, &[low, high]) => {
-                memory(MemoryBase::Address(u64::from(low) | u64::from(high) << 32), 0, false)
+                memory(MemoryBase::Address(u64::from(low) | u64::from(high) << 32), 0)
             }
             (storage::UNIFORM_CONSTANT, &[handle]) => Self::descriptors(context, ty, handle, false),
             (_, &[handle, offset]) => {
@@ -586,16 +539,35 @@ impl VariablePlace {
                 if is_array && is_array_of_blocks(module, ty) {
                     return Ok(Self::descriptors(context, ty, handle, true));
                 }
-                let packed = context.is_packed(storage_class);
-                memory(MemoryBase::of_handle(handle), offset.into(), packed)
+                memory(MemoryBase::of_handle(handle), offset.into())
             }
             (_, &[register]) if register >= REGISTER_POINTER => {
                 let first = register - REGISTER_POINTER;
-                let count = word_count(module, ty).ok_or("it cannot be read as a whole")?;
+                let count = context.packed(ty).word_count().ok_or("it cannot be read as a whole")?;
                 Self::registers(context, ty, (first..first.saturating_add(count)).map(Reg).collect())
             }
             (_, [0]) => return Err("the pointer is null".into()),
             _ => return Err(format!("{} cannot be dereferenced", module.describe_type(pointer))),
         })
     }
+}
+
+/// The words of scalars among whole words of their buffer, from the first that holds one of them
+/// on; between scalars there may be gaps.
+fn scalars_among(scalars: &[BufferWord], words: &[u32]) -> Option<Vec<u32>> {
+    let first = scalars.iter().map(|&(offset, _)| offset).min()? / 4 * 4;
+    let word = |&(offset, width): &BufferWord| {
+        let at = offset - first;
+        let word = words.get((at / 4) as usize)? >> (8 * (at % 4));
+        Some(word & u32::MAX >> (32 - width))
+    };
+    scalars.iter().map(word).collect()
+}
+
+/// Whether a type is an array of blocks, each in a buffer of its own.
+fn is_array_of_blocks(module: &Module, mut ty: TypeId) -> bool {
+    while let Type::Array { element, .. } | Type::RuntimeArray { element, .. } = *module.ty(ty) {
+        ty = element;
+    }
+    matches!(module.ty(ty), Type::Struct { block: true, .. })
 }

@@ -3,10 +3,10 @@
 use anyhit_engine::machine::Reg;
 use anyhit_engine::module::Module;
 use anyhit_engine::module::ty::{Type, TypeId};
-use anyhit_explain::values::{TypedValue, ValueContent, ValueMember, type_name};
+use anyhit_engine::reflect::value::{TypedValue, ValueContent, ValueMember, type_name};
+use anyhit_engine::reflect::{Layout, Rules};
 
 use super::unwritten::UnwrittenRegisters;
-use super::value_layout::{child_types, word_count};
 
 /// What stands for a value that nobody has written.
 pub(super) const UNWRITTEN: &str = "<not yet written>";
@@ -55,14 +55,15 @@ fn value(module: &Module, ty: TypeId, words: &[u32], unwritten: &[bool]) -> Type
         return TypedValue::of_type(module, ty, words);
     }
     let whole = |content: ValueContent| TypedValue { ty: type_name(module, ty), content };
-    let parts = child_types(module, ty).filter(|_| unwritten.contains(&false));
-    let Some(parts) = parts else { return whole(ValueContent::Text(UNWRITTEN.into())) };
-    let mut at = 0;
-    let values = parts.into_iter().map(|part| {
-        let count = word_count(module, part).unwrap_or(0) as usize;
-        let range = at..(at + count).min(words.len());
-        at = range.end;
-        value(module, part, &words[range.clone()], &unwritten[range])
+    let layout = Layout::new(module, ty, Rules::Packed);
+    if layout.is_scalar() || !unwritten.contains(&false) {
+        return whole(ValueContent::Text(UNWRITTEN.into()));
+    }
+    let parts = (0..layout.child_count()).filter_map(|at| layout.child(at));
+    let values = parts.map(|(offset, part)| {
+        let first = (offset / 4).min(words.len());
+        let range = first..(first + part.size() / 4).min(words.len());
+        value(module, part.ty, &words[range.clone()], &unwritten[range])
     });
     whole(match module.ty(ty) {
         Type::Struct { members, .. } => {

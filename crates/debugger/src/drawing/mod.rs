@@ -13,9 +13,9 @@ use anyhit_base::error::{Error, ErrorKind, Result};
 use anyhit_base::sorted::sort_by_key;
 use anyhit_engine::accel::{Primitive, Tlas};
 use anyhit_engine::math::array;
+use anyhit_engine::reflect::value::FloatValue;
 use anyhit_explain::summary_words::outcome;
 use anyhit_explain::transcript::{InstanceOutcome, InstanceReport, PrimitiveOutcome, Transcript};
-use anyhit_explain::values::FloatValue;
 use anyhit_explain::walk::{self, AnyRay};
 
 /// How many primitives are drawn; those that the ray meets come first.

@@ -4,7 +4,6 @@
 //! operands an instruction has and of what kind. This crate has a parser of its own, because real
 //! modules contain what rspirv's loader rejects.
 
-mod byte_path;
 mod check;
 mod check_access;
 pub mod check_encoding;
@@ -62,7 +61,6 @@ use std::fmt;
 use std::ops::Range;
 use std::sync::OnceLock;
 
-pub use byte_path::MemoryPart;
 pub use instructions::Instructions;
 pub use load::{load, load_with};
 

@@ -58,6 +58,11 @@ pub enum HitObjectOp {
 }
 
 impl HitObjectOp {
+    /// Whether lanes may continue in other subgroups.
+    pub(super) fn may_repack(&self) -> bool {
+        matches!(self, Self::Reorder { .. })
+    }
+
     /// See [`crate::ops::op::Op::accesses`].
     pub fn accesses(&self, visit: &mut dyn FnMut(Access)) {
         match *self {

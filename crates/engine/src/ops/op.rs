@@ -263,6 +263,15 @@ impl Op {
         matches!(self, Self::Stop(op) if op.traced_structure().is_some())
     }
 
+    /// Whether lanes may continue in other subgroups after the operation.
+    pub fn may_repack(&self) -> bool {
+        match self {
+            Self::Stop(op) => op.may_repack(),
+            Self::HitObject(op) => op.may_repack(),
+            _ => false,
+        }
+    }
+
     /// Whether the operation begins a ray query.
     pub fn begins_query(&self) -> bool {
         matches!(self, Self::RayQuery(ray_query::RayQueryOp::Initialize { .. }))

@@ -110,6 +110,11 @@ impl RayTracingOp {
         }
     }
 
+    /// Whether lanes may continue in other subgroups.
+    pub(super) fn may_repack(&self) -> bool {
+        !self.addresses_record()
+    }
+
     /// Whether it gives the device address of a shader record.
     pub(super) fn addresses_record(&self) -> bool {
         matches!(self, Self::HitObjectRecordHandle { .. })

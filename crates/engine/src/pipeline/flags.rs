@@ -2,8 +2,7 @@
 
 use crate::accel::{GeometryKind, Tlas};
 use crate::machine::OpIndex;
-use crate::ops::op::Op;
-use crate::ops::ray_tracing::{self, MotionInstruction};
+use crate::ops::ray_tracing::MotionInstruction;
 use crate::pipeline::Pipeline;
 use crate::pipeline::group::{Group, HitGroup};
 use crate::program::Program;
@@ -155,15 +154,7 @@ pub(super) fn first_moving(tlas: &Tlas) -> Option<usize> {
 
 /// The operations that trace rays.
 fn trace_ops(program: &Program) -> impl Iterator<Item = OpIndex> {
-    let is_trace = |op: &Op| {
-        matches!(
-            op,
-            Op::Stop(
-                ray_tracing::RayTracingOp::TraceRay { .. } | ray_tracing::RayTracingOp::HitObjectTrace { .. }
-            )
-        )
-    };
-    (0..).map(OpIndex).zip(&program.ops).filter(move |(_, op)| is_trace(op)).map(|(at, _)| at)
+    (0..).map(OpIndex).zip(&program.ops).filter(|(_, op)| op.traces()).map(|(at, _)| at)
 }
 
 /// The instruction of an operation, if one of its operands is a time.

@@ -8,7 +8,6 @@ pub mod control_flow;
 mod copy_propagation;
 pub mod dce;
 pub mod descriptors;
-pub mod layout;
 mod loop_report;
 mod loop_variable;
 pub mod lower;
@@ -20,7 +19,6 @@ pub mod race_analysis;
 mod regalloc;
 mod schedule;
 pub mod source_map;
-pub mod struct_lookup;
 mod trap_operands;
 pub mod verify;
 pub mod workgroup;
@@ -49,6 +47,7 @@ use crate::ops::value_registers::UndefinedConstant;
 use crate::ops::{ray_rules, superop};
 use crate::program::payload::Payloads;
 use crate::program::race_analysis::MemoryAccess;
+use crate::reflect::{Layout, Rules};
 use anyhit_base::error::{Error, ErrorKind, Result};
 
 pub use copy_propagation::for_each_terminator_read;
@@ -586,7 +585,7 @@ impl Program {
             }
             ty = part;
         }
-        let path = module.byte_path(ty, byte)?;
+        let path = Layout::new(module, ty, Rules::Explicit).byte_path(byte)?;
         let dot = if path.is_empty() || path.starts_with('[') { "" } else { "." };
         Some(format!("`{name}{dot}{path}` (set {set}, binding {binding}, element {element})"))
     }

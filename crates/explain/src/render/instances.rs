@@ -3,8 +3,8 @@
 use crate::page::{TextStyle, with_plural, with_thousands_separators};
 use crate::render::{TraversalView, Writer};
 use crate::transcript::{InstanceOutcome, InstanceReport, PrimitiveOutcome, PrimitiveReport, Traversal};
-use crate::values::FloatValue;
 use anyhit_base::sorted::{SortedMap, sort_by};
+use anyhit_engine::reflect::value::FloatValue;
 
 /// The number of an instance's primitives, nearest first, that are shown unless all are wanted.
 const MAX_PRIMITIVES: usize = 6;

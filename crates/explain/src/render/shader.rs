@@ -6,7 +6,7 @@ use crate::page::{TextStyle, with_plural};
 use crate::render::Writer;
 use crate::render::words::{annotated, change, label, payload_label, source_suffix, value_rows};
 use crate::transcript::{ExitKind, NamedValue, RecordData, RecordMember, ShaderRun};
-use crate::values::TypedValue;
+use anyhit_engine::reflect::value::TypedValue;
 
 /// How wide the text of source lines is, so that the values stand in a column.
 const LINE_WIDTH: usize = 64;

@@ -1,7 +1,7 @@
 //! Values, shaders and lines in words.
 
 use crate::transcript::{ShaderLabel, ShaderRun, TranscriptLine, Traversal};
-use crate::values::{FloatValue, TypedValue, ValueContent};
+use anyhit_engine::reflect::value::{FloatValue, TypedValue, ValueContent};
 
 /// Structs whose text is longer than this, in bytes, are shown member by member.
 const MAX_VALUE_BYTES: usize = 72;

@@ -7,29 +7,27 @@
 
 use crate::checks::lanes::{each_element, operand_words};
 use crate::plan::Executed;
-use crate::plan::stale::{StaleKind, StalePlan, elects, may_repack, sink};
+use crate::plan::stale::{StaleKind, StalePlan, elects, sink};
 use crate::rule::subgroup;
 use crate::sanitizer::Sanitizer;
+use anyhit_engine::machine::stop::RegSpan;
 use anyhit_engine::machine::{Batch, Freshness, Mask, OpIndex, Reg, ShadowRegisters};
-use anyhit_engine::ops::access::Access;
-use anyhit_engine::ops::hit_object::HitObjectOp;
+use anyhit_engine::ops::access::{Access, ComputedRegisters, RegCopy};
 use anyhit_engine::ops::image::ImageOp;
 use anyhit_engine::ops::lane_kernel::LaneKernel;
-use anyhit_engine::ops::memory::MemoryOp;
 use anyhit_engine::ops::op::Op;
-use anyhit_engine::ops::ray_tracing::RayTracingOp;
 use anyhit_engine::ops::subgroup::{BallotCount, SubgroupKind, SubgroupOp};
 use anyhit_engine::ops::{arithmetic, bit, glsl};
 
-/// A shader hands its batch to the pipeline.
+/// A shader is about to hand its batch to the pipeline by an operation.
 pub(crate) fn stop<const W: usize>(
     shadow: &mut ShadowRegisters<W>,
     plans: &[StalePlan],
-    stop: &RayTracingOp,
+    op: &Op,
     lanes: Mask<W>,
 ) {
     for (kind, plan) in plans.iter().enumerate() {
-        if plan.kind != StaleKind::RayTmax && may_repack(stop) {
+        if plan.kind != StaleKind::RayTmax && op.may_repack() {
             shadow.expire(kind, lanes);
         }
     }
@@ -73,6 +71,28 @@ pub(crate) fn track<const W: usize>(
     tracked: Tracked<'_>,
 ) {
     let (kind, plan) = tracked;
+    if let Some(RegCopy { to, from, is_masked }) = op.copy() {
+        let (lanes, value) = match plan.kind == StaleKind::Clock && executed.step.reads_clock {
+            true => (batch.mask, Freshness { current: Mask::ALL, stale: Mask::NONE }),
+            false => (if is_masked { batch.mask } else { Mask::ALL }, held(shadow, tracked, from)),
+        };
+        return shadow.set_freshness(kind, to, lanes, value);
+    }
+    if let Some(ComputedRegisters { first, index, count, other, writes }) = op.computed_registers() {
+        return each_element(batch, first, index, count, |lane, word, element| {
+            let (to, from) = match writes {
+                true => (element, other.plus(word)),
+                false => (other.plus(word), element),
+            };
+            shadow.set_freshness(kind, to, Mask::lane(lane), held(shadow, tracked, from));
+        });
+    }
+    if plan.kind == StaleKind::OwnLane
+        && let Some((from, chunk)) = op.buffer_store()
+    {
+        let words = (0..chunk.count).map(|word| held(shadow, tracked, from.plus(word)));
+        return tell_own_lane(sanitizer, batch, executed.place.op, words, "is stored");
+    }
     match op {
         Op::LaneKernel { kernel, to, from } => {
             check_kernel(sanitizer, batch, shadow, executed.place.op, kernel, from, tracked);
@@ -86,33 +106,6 @@ pub(crate) fn track<const W: usize>(
             }
             (0..kernel.words).for_each(|word| shadow.set_freshness(kind, to.plus(word), Mask::ALL, result));
         }
-        &Op::Memory(MemoryOp::Move { to, .. })
-            if plan.kind == StaleKind::Clock && executed.step.reads_clock =>
-        {
-            let current = Freshness { current: Mask::ALL, stale: Mask::NONE };
-            shadow.set_freshness(kind, to, batch.mask, current);
-        }
-        &Op::Memory(MemoryOp::Move { to, from }) => {
-            shadow.set_freshness(kind, to, Mask::ALL, held(shadow, tracked, from));
-        }
-        &Op::Memory(MemoryOp::MoveMasked { to, from }) => {
-            shadow.set_freshness(kind, to, batch.mask, held(shadow, tracked, from));
-        }
-        &Op::Memory(MemoryOp::Gather { to, count, first, index }) => {
-            each_element(batch, first, index, count, |lane, word, element| {
-                shadow.set_freshness(kind, to.plus(word), Mask::lane(lane), held(shadow, tracked, element));
-            });
-        }
-        &Op::Memory(MemoryOp::Scatter { from, count, first, index }) => {
-            each_element(batch, first, index, count, |lane, word, element| {
-                let from = held(shadow, tracked, from.plus(word));
-                shadow.set_freshness(kind, element, Mask::lane(lane), from);
-            });
-        }
-        &Op::Memory(MemoryOp::Undefine { first, count }) => {
-            (0..count)
-                .for_each(|word| shadow.set_freshness(kind, first.plus(word), batch.mask, Freshness::NONE));
-        }
         Op::Subgroup(op) if plan.kind == StaleKind::Lanes => {
             track_subgroup(sanitizer, batch, shadow, executed.place.op, op, tracked);
         }
@@ -120,26 +113,28 @@ pub(crate) fn track<const W: usize>(
             let current = Freshness { current: Mask::ALL, stale: Mask::NONE };
             shadow.set_freshness(kind, op.to, batch.mask, current);
         }
-        &Op::Memory(MemoryOp::BufferStore { from, ref chunk }) if plan.kind == StaleKind::OwnLane => {
-            let words = (0..chunk.count).map(|word| held(shadow, tracked, from.plus(word)));
-            tell_own_lane(sanitizer, batch, executed.place.op, words, "is stored");
-        }
         Op::Image(ImageOp::Write(write)) if plan.kind == StaleKind::OwnLane => {
             let words = write.from.iter().map(|&register| held(shadow, tracked, register));
             tell_own_lane(sanitizer, batch, executed.place.op, words, "is stored");
         }
-        Op::HitObject(object) if matches!(**object, HitObjectOp::Reorder { .. }) => {
+        op if op.may_repack() && !op.stops() => {
             if plan.kind != StaleKind::RayTmax {
                 shadow.expire(kind, batch.mask);
             }
         }
-        op => op.accesses(|access| {
-            if let Access::Write(first, count) = access {
+        op => {
+            let mut forget = |RegSpan { first, count }: RegSpan| {
                 (0..count).for_each(|word| {
                     shadow.set_freshness(kind, first.plus(word), batch.mask, Freshness::NONE);
                 });
-            }
-        }),
+            };
+            op.undefines().into_iter().for_each(&mut forget);
+            op.accesses(|access| {
+                if let Access::Write(first, count) = access {
+                    forget(RegSpan { first, count });
+                }
+            });
+        }
     }
 }
 

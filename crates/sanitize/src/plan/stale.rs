@@ -8,9 +8,7 @@ use crate::plan::instruction::InstructionWords;
 use anyhit_engine::machine::Reg;
 use anyhit_engine::module::interface::Stage;
 use anyhit_engine::module::{Id, Module};
-use anyhit_engine::ops::hit_object::HitObjectOp;
 use anyhit_engine::ops::op::Op;
-use anyhit_engine::ops::ray_tracing::RayTracingOp;
 use anyhit_engine::ops::subgroup::{BallotCount, ReadSource, SubgroupKind, SubgroupOp};
 use anyhit_engine::program::Program;
 
@@ -51,11 +49,7 @@ pub(super) fn stale_plans(program: &Program) -> Vec<StalePlan> {
         let inputs = program.inputs.iter().filter(|input| builtins.contains(&input.builtin.number));
         inputs.flat_map(|input| (0..input.count).map(|word| input.first.plus(word))).collect()
     };
-    let repacks = has(&|op| match op {
-        Op::Stop(stop) => may_repack(stop),
-        Op::HitObject(object) => matches!(**object, HitObjectOp::Reorder { .. }),
-        _ => false,
-    });
+    let repacks = has(&Op::may_repack);
     let mut plans = Vec::new();
     if repacks && has(&|op| matches!(op, Op::Subgroup(subgroup) if sink(subgroup).is_some())) {
         plans.push(StalePlan { kind: StaleKind::Lanes, inputs: registers_of(&LANE_BUILTINS) });
@@ -90,11 +84,6 @@ pub(super) fn reads_clock(module: &Module, offset: u32) -> bool {
 /// Whether an operation elects a lane of the subgroup.
 pub(crate) fn elects(op: &SubgroupOp) -> bool {
     op.kind == SubgroupKind::Elect
-}
-
-/// Whether the lanes of a batch may come back from the pipeline in other subgroups.
-pub(crate) fn may_repack(stop: &RayTracingOp) -> bool {
-    !matches!(stop, RayTracingOp::HitObjectRecordHandle { .. })
 }
 
 /// What an operation takes together with the lanes as they are: the value, the second operand, and

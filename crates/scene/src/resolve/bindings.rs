@@ -22,7 +22,7 @@ use anyhit_engine::accel::Tlas;
 use anyhit_engine::machine::resource::ELEMENT_BITS;
 use anyhit_engine::machine::sampler::Sampler;
 use anyhit_engine::machine::{Binding, Descriptor};
-use anyhit_engine::program::struct_lookup::DataBlock;
+use anyhit_engine::reflect::lookup::DataBlock;
 
 impl Resolver<'_> {
     pub(super) fn bindings(

@@ -15,7 +15,7 @@ use crate::resources::{Content, ResourceEntry};
 use anyhit_base::error::Error;
 use anyhit_base::error::names::list_of;
 use anyhit_engine::machine::{LaunchFuel, LaunchLimits};
-use anyhit_engine::program::struct_lookup::DataBlock;
+use anyhit_engine::reflect::lookup::DataBlock;
 
 /// The shaders that a pipeline names.
 fn shaders_of(entry: &PipelineEntry) -> impl Iterator<Item = Spanned<String>> {

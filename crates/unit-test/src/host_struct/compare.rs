@@ -9,8 +9,8 @@ use anyhit_base::error::{Error, ErrorKind};
 use anyhit_base::sorted::sort_by_key;
 use anyhit_engine::module::ty::{Type, TypeId};
 use anyhit_engine::ops::translate::array_length;
-use anyhit_engine::program::layout::Layout;
-use anyhit_engine::program::struct_lookup::{name_of, strides};
+use anyhit_engine::reflect::Layout;
+use anyhit_engine::reflect::lookup::{name_of, strides};
 
 /// Scalars of one struct that are compared.
 const MAX_SCALARS: usize = 1 << 18;

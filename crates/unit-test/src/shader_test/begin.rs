@@ -7,7 +7,7 @@ use anyhit_base::error::Result;
 use anyhit_engine::machine::{Batch, Buffer, Invocation, ShaderRecord};
 use anyhit_engine::ops::builtin::BUILTINS;
 use anyhit_engine::ops::pointer::storage;
-use anyhit_engine::program::layout::{Layout, Rules};
+use anyhit_engine::reflect::{Layout, Rules};
 
 impl ShaderTest {
     pub(super) fn invocation(&self) -> Result<(Invocation, Option<[u32; 2]>)> {

@@ -1,6 +1,7 @@
 //! The scalars in a value, one after the other with their paths.
 
-use super::{Content, Number, Value};
+use super::{Content, Value, integer};
+use anyhit_engine::reflect::Scalar;
 
 /// A scalar in a value.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -11,16 +12,28 @@ pub enum Leaf {
     Integer(i128),
 }
 
+impl Leaf {
+    /// The number of a scalar; `None` for a handle.
+    #[must_use]
+    pub fn of(scalar: Scalar) -> Option<Self> {
+        match scalar {
+            Scalar::Float(value) => Some(Self::Float(value.as_f64())),
+            scalar => integer(scalar).map(Self::Integer),
+        }
+    }
+}
+
 impl Value {
     /// Visits every scalar in it, with its path from `path` on: `path.normal[2]`.
     #[doc(hidden)]
     pub fn scalars(&self, path: &mut String, visit: &mut dyn FnMut(&str, Leaf)) {
         let length = path.len();
         match &self.content {
-            Content::Scalar(Number::Float(number)) => visit(path, Leaf::Float(*number)),
-            Content::Scalar(Number::Bool(flag)) => visit(path, Leaf::Integer(i128::from(*flag))),
-            Content::Scalar(Number::Int(number)) => visit(path, Leaf::Integer((*number).into())),
-            Content::Scalar(Number::Uint(number)) => visit(path, Leaf::Integer((*number).into())),
+            Content::Scalar(scalar) => {
+                if let Some(leaf) = Leaf::of(*scalar) {
+                    visit(path, leaf);
+                }
+            }
             Content::List(elements) => {
                 for (at, element) in elements.iter().enumerate() {
                     path.push_str(&format!("[{at}]"));

@@ -2,7 +2,9 @@
 
 use serde::{Serialize, Serializer};
 
-use crate::value::{Content, Number, Value};
+use crate::value::{Content, Value};
+use anyhit_engine::reflect::Scalar;
+use anyhit_engine::reflect::value::FloatValue;
 
 /// A number or truth value; a list for vectors, matrices (their columns) and arrays; a map for
 /// structs. Infinities and NaN are the texts `inf`, `-inf` and `NaN`, as JSON has no such numbers,
@@ -10,12 +12,14 @@ use crate::value::{Content, Number, Value};
 impl Serialize for Value {
     fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
         match &self.content {
-            Content::Scalar(Number::Bool(value)) => to.serialize_bool(*value),
-            Content::Scalar(Number::Int(value)) => to.serialize_i64(*value),
-            Content::Scalar(Number::Uint(value)) => to.serialize_u64(*value),
-            Content::Scalar(Number::Float(value)) if !value.is_finite() => to.collect_str(value),
-            Content::Scalar(Number::Float(value)) if self.bytes.len() == 4 => to.serialize_f32(*value as f32),
-            Content::Scalar(Number::Float(value)) => to.serialize_f64(*value),
+            Content::Scalar(Scalar::Bool(value)) => to.serialize_bool(*value),
+            Content::Scalar(Scalar::Int(value)) => to.serialize_i64(*value),
+            Content::Scalar(Scalar::Uint(value) | Scalar::Address(value) | Scalar::Handle(value)) => {
+                to.serialize_u64(*value)
+            }
+            Content::Scalar(Scalar::Float(value)) if !value.as_f64().is_finite() => to.collect_str(value),
+            Content::Scalar(Scalar::Float(FloatValue::F32(value))) => to.serialize_f32(*value),
+            Content::Scalar(Scalar::Float(value)) => to.serialize_f64(value.as_f64()),
             Content::List(elements) => to.collect_seq(elements),
             Content::Struct(fields) => to.collect_map(fields.iter().map(|(name, value)| (name, value))),
             Content::Opaque => to.serialize_unit(),

@@ -16,7 +16,7 @@ use anyhit_engine::module::ty::{Type, TypeId};
 use anyhit_engine::module::{Id, Module};
 use anyhit_engine::ops::builtin::{Builtin, stage_letter};
 use anyhit_engine::program::Program;
-use anyhit_explain::values::TypedValue;
+use anyhit_engine::reflect::value::TypedValue;
 
 /// What an expression comes to.
 #[derive(Clone, Debug)]

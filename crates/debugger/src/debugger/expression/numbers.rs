@@ -10,7 +10,7 @@ use anyhit_engine::module::Module;
 use anyhit_engine::module::ty::{Type, TypeId};
 use anyhit_engine::ops::builtin::{Builtin, ValueShape};
 use anyhit_engine::ops::pointer::storage;
-use anyhit_explain::values::{FloatValue, TypedValue, ValueContent};
+use anyhit_engine::reflect::value::{FloatValue, TypedValue, ValueContent};
 
 /// The type of a component, with its bits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,4 +1,4 @@
-//! The structs of a module that lie in buffers, found by name, and tables of their layouts.
+//! The structs of a module that lie in buffers, found by name, and the blocks that it declares.
 //!
 //! A compiler lays out one struct of the source several ways: Slang writes `Light_std140`,
 //! `Light_std430` and `Light_natural`, glslang several structs that are all called `Light`. A name
@@ -7,20 +7,15 @@
 use std::collections::HashSet;
 use std::fmt::Write;
 
-use serde::Serialize;
-
 use crate::machine::Binding;
 use crate::module::decoration::number;
 use crate::module::ty::{Type, TypeId};
 use crate::module::{Id, Module};
 use crate::ops::pointer::storage;
 use crate::ops::translate::array_length;
-use crate::program::layout::{Layout, Rules};
+use crate::reflect::{Layout, Rules};
 use anyhit_base::error::names::{list_of, nearest};
 use anyhit_base::error::{Error, ErrorKind, Result};
-
-/// Rows of one layout that are written.
-const ROWS: usize = 4096;
 
 /// Layouts of one name that are told apart.
 const DISTINCT: usize = 64;
@@ -101,6 +96,19 @@ fn find_named<'a>(module: &'a Module, name: &str) -> Result<Layout<'a>> {
     }
 }
 
+/// The layout of the variable at a binding; `None` where the module declares none.
+pub fn variable_at(module: &Module, Binding { set, binding }: Binding) -> Option<Layout<'_>> {
+    let number = |id, decoration| module.decorations.literal(id, decoration);
+    let variable = module.variables.iter().find(|variable| {
+        number(variable.id, number::DESCRIPTOR_SET) == Some(set)
+            && number(variable.id, number::BINDING) == Some(binding)
+    })?;
+    match *module.ty(variable.pointer) {
+        Type::Pointer { pointee: Some(ty), .. } => Some(explicit(module, ty)),
+        _ => None,
+    }
+}
+
 /// The layout of a block that a module declares; `None` where it declares none.
 ///
 /// # Errors
@@ -162,6 +170,15 @@ pub fn strides(layout: Layout<'_>) -> Vec<u32> {
     strides.sort_unstable();
     strides.dedup();
     strides
+}
+
+/// The size in bytes, as C's `sizeof`: where the module has arrays of the struct, up to the next
+/// element.
+pub fn padded_size(layout: Layout<'_>) -> usize {
+    match (layout.runtime_stride(), &strides(layout)[..]) {
+        (None, &[stride]) => layout.size().max(stride as usize),
+        _ => layout.size(),
+    }
 }
 
 /// Whether two types, of one module or of two, have the same members at the same offsets.
@@ -273,7 +290,7 @@ pub fn name_of(module: &Module, ty: TypeId) -> Option<&str> {
     module.id_of_type(ty).and_then(|id| module.name(id))
 }
 
-fn explicit(module: &Module, ty: TypeId) -> Layout<'_> {
+pub(super) fn explicit(module: &Module, ty: TypeId) -> Layout<'_> {
     Layout::new(module, ty, Rules::Explicit)
 }
 
@@ -350,102 +367,4 @@ fn unknown(module: &Module, name: &str) -> Error {
 
 fn invalid(message: impl Into<String>) -> Error {
     Error::new(ErrorKind::InvalidArgument, message)
-}
-
-/// The layout of one struct as a table.
-#[derive(Clone, Debug, Serialize)]
-pub struct StructTable {
-    /// Its name, or its id where it has none.
-    pub name: String,
-    /// Bytes up to the end of its last member; a runtime array at the end counts as nothing.
-    pub size: usize,
-    /// The strides of arrays of it and of pointers to it.
-    pub strides: Vec<u32>,
-    /// Its members, each followed by those of a struct inside it.
-    pub members: Vec<MemberRow>,
-}
-
-/// A member of a struct, or of a struct inside it.
-#[derive(Clone, Debug, Serialize)]
-pub struct MemberRow {
-    /// Bytes from the start of the whole struct.
-    pub offset: usize,
-    /// Its size in bytes; 0 for a runtime array.
-    pub size: usize,
-    /// Bytes between elements of an array, or columns (or rows) of a matrix.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub stride: Option<usize>,
-    /// Its type; `row_major` before a matrix that lies so.
-    #[serde(rename = "type")]
-    pub ty: String,
-    /// The path of names from the struct to it.
-    pub name: String,
-}
-
-impl StructTable {
-    /// The table of a struct.
-    pub fn of(layout: Layout<'_>) -> Self {
-        let mut members = Vec::new();
-        rows(layout, "", 0, &mut members);
-        let id = || layout.module.id_of_type(layout.ty).map_or(0, |id| id.0);
-        let name = name_of(layout.module, layout.ty);
-        Self {
-            name: name.map_or_else(|| format!("%{}", id()), str::to_owned),
-            size: layout.size(),
-            strides: strides(layout),
-            members,
-        }
-    }
-
-    /// The tables of all structs of a module that have a layout.
-    pub fn all(module: &Module) -> Vec<Self> {
-        structs(module).map(|ty| Self::of(explicit(module, ty))).collect()
-    }
-
-    /// The table as text.
-    pub fn text(&self) -> String {
-        let mut out = format!("struct {}: {} bytes", self.name, self.size);
-        if !self.strides.is_empty() {
-            let strides: Vec<_> = self.strides.iter().map(u32::to_string).collect();
-            let _ = write!(out, ", stride {}", strides.join(" or "));
-        }
-        let _ = writeln!(out, "\n  offset    size  stride  type and name");
-        let width = self.members.iter().map(|row| row.ty.chars().count()).max().unwrap_or(0);
-        for row in &self.members {
-            let stride = row.stride.map(|stride| stride.to_string()).unwrap_or_default();
-            let _ = writeln!(
-                out,
-                "  {:>6}  {:>6}  {stride:>6}  {:<width$}  {}",
-                row.offset, row.size, row.ty, row.name
-            );
-        }
-        if self.members.len() == ROWS {
-            let _ = writeln!(out, "  and more, not shown");
-        }
-        out
-    }
-}
-
-fn rows(layout: Layout<'_>, path: &str, offset: usize, out: &mut Vec<MemberRow>) {
-    let Type::Struct { members, .. } = layout.module.ty(layout.ty) else { return };
-    for (member, (at, part)) in members.iter().zip(layout.members()) {
-        if out.len() == ROWS {
-            return;
-        }
-        let row_major = part.matrix().is_some_and(|matrix| matrix.row_major);
-        let stride = match layout.module.ty(part.ty) {
-            Type::Matrix { .. } => part.matrix().map(|matrix| matrix.stride as usize),
-            _ => Some(part.stride()).filter(|stride| *stride > 0),
-        };
-        let ty = layout.module.describe_type(part.ty);
-        let name = format!("{path}{}{}", if path.is_empty() { "" } else { "." }, member.name);
-        out.push(MemberRow {
-            offset: offset.saturating_add(at),
-            size: part.size(),
-            stride,
-            ty: if row_major { format!("row_major {ty}") } else { ty },
-            name: name.clone(),
-        });
-        rows(part, &name, offset.saturating_add(at), out);
-    }
 }

@@ -1,23 +1,24 @@
-//! How a shader's values lie in bytes, and the words for it in errors.
+//! Offsets, sizes and strides of a type's parts.
 //!
 //! Buffers, push constants and shader records carry their layout in the module (`Offset`,
-//! `ArrayStride`, `MatrixStride`). Payloads, callable data and hit attributes carry none: here
-//! their scalars follow each other without gaps, in the order of the declaration and column by
-//! column, each of 8, 16 or 32 bits in four bytes and each of 64 bits in eight; a bool is a `u32`,
-//! 0 or 1. So `#[repr(C)] struct { normal: [f32; 3], t: f32, hits: u32 }` is the payload `{ vec3
-//! normal; float t; uint hits; }`.
+//! `ArrayStride`, `MatrixStride`). Payloads, callable data, hit attributes and registers carry
+//! none: their scalars follow each other without gaps, in the order of the declaration and column
+//! by column, each of 8, 16 or 32 bits in four bytes and each of 64 bits in eight; a bool is a
+//! `u32`, 0 or 1. So `#[repr(C)] struct { normal: [f32; 3], t: f32, hits: u32 }` is the payload
+//! `{ vec3 normal; float t; uint hits; }`.
 
 use crate::module::Module;
 use crate::module::ty::{MatrixLayout, Type, TypeId};
+use crate::ops::pointer::{pointer_word_count, storage};
 use crate::ops::translate::array_length;
 
-/// Fields of a layout that an error shows.
-const SHOWN: usize = 24;
+/// Words of a value that is read or written as a whole, at most.
+pub const MAX_WORDS: u32 = 1 << 16;
 
 /// Which rules place a value's parts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Rules {
-    /// Scalars without gaps: payloads, callable data, hit attributes.
+    /// Scalars and handles without gaps: payloads, callable data, hit attributes, registers.
     Packed,
     /// By the module's decorations: buffers, push constants, shader records.
     Explicit,
@@ -52,7 +53,7 @@ impl<'a> Layout<'a> {
         self.rules == Rules::Explicit
     }
 
-    /// The size in bytes; a runtime array at the end counts as nothing.
+    /// Size in bytes; a runtime array at the end counts as nothing.
     pub fn size(self) -> usize {
         match self.module.ty(self.ty) {
             Type::Bool => 4,
@@ -89,9 +90,90 @@ impl<'a> Layout<'a> {
                 let sizes = members.iter().map(|member| self.part(member.ty).size());
                 sizes.fold(0, usize::saturating_add)
             }
-            // A device address; other pointers do not lie in memory.
-            Type::Pointer { .. } => 8,
+            // Pointers in buffers are device addresses; other pointers and handles have registers.
+            Type::Pointer { .. } if self.explicit() => 8,
+            &Type::Pointer { storage_class, .. } => 4 * pointer_word_count(storage_class) as usize,
+            Type::Image(_) | Type::Sampler | Type::RayQuery | Type::HitObject { .. } if !self.explicit() => 4,
+            Type::SampledImage(_) | Type::AccelerationStructure if !self.explicit() => 8,
             _ => 0,
+        }
+    }
+
+    /// Number of registers of a value; `None` for types without values, such as runtime arrays, and
+    /// beyond [`MAX_WORDS`].
+    pub fn word_count(self) -> Option<u32> {
+        let packed = Self { rules: Rules::Packed, ..self };
+        let count = u32::try_from(packed.size() / 4).ok().filter(|count| *count <= MAX_WORDS)?;
+        self.has_value().then_some(count)
+    }
+
+    /// Returns whether the type is one of values with a fixed size.
+    fn has_value(self) -> bool {
+        match self.module.ty(self.ty) {
+            Type::Struct { members, .. } => members.iter().all(|member| self.part(member.ty).has_value()),
+            Type::Vector { component: part, .. }
+            | Type::Matrix { column: part, .. }
+            | Type::Array { element: part, .. } => self.part(*part).has_value(),
+            _ => self.is_scalar(),
+        }
+    }
+
+    /// Returns whether values of the type are single scalars, addresses or handles.
+    pub fn is_scalar(self) -> bool {
+        match self.module.ty(self.ty) {
+            Type::Struct { .. }
+            | Type::Vector { .. }
+            | Type::Matrix { .. }
+            | Type::Array { .. }
+            | Type::RuntimeArray { .. } => false,
+            _ => Self { rules: Rules::Packed, ..self }.size() > 0,
+        }
+    }
+
+    /// Offset and bits of each word of a value, in the order of its registers; a scalar of 64 bits
+    /// has two.
+    pub fn words(self) -> Vec<(usize, u32)> {
+        let halves = |(offset, scalar): (usize, Self)| match scalar.size() {
+            8 => [Some((offset, 32)), Some((offset + 4, 32))],
+            size => [Some((offset, 8 * size as u32)), None],
+        };
+        self.scalars().into_iter().flat_map(halves).flatten().collect()
+    }
+
+    /// Returns whether values of the type hold device addresses.
+    pub fn has_addresses(self) -> bool {
+        match *self.module.ty(self.ty) {
+            Type::Pointer { storage_class, .. } => storage_class == storage::PHYSICAL_STORAGE_BUFFER,
+            Type::Struct { .. } => self.members().any(|(_, part)| part.has_addresses()),
+            Type::Array { element, .. } | Type::RuntimeArray { element, .. } => {
+                self.part(element).has_addresses()
+            }
+            _ => false,
+        }
+    }
+
+    /// Number of parts that [`Layout::child`] finds: members, elements, columns or components; 0
+    /// for a runtime array, whose bytes say how many it has.
+    pub fn child_count(self) -> usize {
+        match self.module.ty(self.ty) {
+            Type::Struct { members, .. } => members.len(),
+            Type::Vector { count, .. } | Type::Matrix { count, .. } => *count as usize,
+            Type::Array { length, .. } => array_length(self.module, *length),
+            _ => 0,
+        }
+    }
+
+    /// Offset and layout of the part at an index: a member, an element, a column, a component. A
+    /// runtime array has them at every index.
+    pub fn child(self, at: usize) -> Option<(usize, Self)> {
+        match *self.module.ty(self.ty) {
+            Type::RuntimeArray { element, .. } => {
+                Some((at.saturating_mul(self.stride()), self.part(element)))
+            }
+            _ if at >= self.child_count() => None,
+            Type::Struct { .. } => Some(self.member(at)),
+            Type::Array { element, .. } => Some((at.saturating_mul(self.stride()), self.part(element))),
+            _ => self.parts().get(at).copied(),
         }
     }
 
@@ -185,15 +267,13 @@ impl<'a> Layout<'a> {
 
     fn each_scalar(self, offset: usize, found: &mut Vec<(usize, Self)>) {
         match self.module.ty(self.ty) {
-            Type::Bool | Type::Int { .. } | Type::Float { .. } | Type::Pointer { .. } => {
-                found.push((offset, self));
-            }
             Type::Struct { .. } => {
                 for (at, member) in self.members() {
                     member.each_scalar(offset + at, found);
                 }
             }
             Type::RuntimeArray { .. } => {}
+            _ if self.is_scalar() => found.push((offset, self)),
             _ => {
                 for (at, part) in self.parts() {
                     part.each_scalar(offset + at, found);
@@ -230,113 +310,11 @@ impl<'a> Layout<'a> {
             _ => Vec::new(),
         }
     }
-
-    /// Offset and layout of the part at a path: `path[1].weight`, `normal.x`; the whole at an empty
-    /// one.
-    ///
-    /// # Errors
-    /// What does not exist, in words.
-    pub fn locate(self, path: &str) -> Result<(usize, Self), String> {
-        let (mut offset, mut at, mut walked) = (0usize, self, 0);
-        while walked < path.len() {
-            let rest = &path[walked..];
-            let (found, length) = if let Some(index) = rest.strip_prefix('[') {
-                let (index, _) = index.split_once(']').ok_or_else(|| format!("`{path}` lacks a `]`"))?;
-                let number = index.parse::<usize>().map_err(|_| format!("`[{index}]` is not an index"))?;
-                let element =
-                    |element: TypeId| (number.saturating_mul(at.stride()), Self { ty: element, ..at });
-                let part = match *self.module.ty(at.ty) {
-                    Type::RuntimeArray { element: of, .. } => Some(element(of)),
-                    Type::Array { element: of, length, .. } => {
-                        (number < array_length(self.module, length)).then(|| element(of))
-                    }
-                    _ => at.parts().get(number).copied(),
-                };
-                (part.ok_or_else(|| format!("no element `{}[{number}]`", &path[..walked]))?, index.len() + 2)
-            } else {
-                let name = rest.trim_start_matches('.');
-                let skipped = rest.len() - name.len();
-                let name = &name[..name.find(['.', '[']).unwrap_or(name.len())];
-                let members = match self.module.ty(at.ty) {
-                    Type::Struct { members, .. } => &members[..],
-                    _ => &[],
-                };
-                match (members.iter().position(|member| member.name == name), members) {
-                    (Some(index), _) => (at.member(index), skipped + name.len()),
-                    (None, []) => {
-                        let part = at.component(name).ok_or_else(|| format!("no member `{name}`"))?;
-                        (part, skipped + name.len())
-                    }
-                    // Into such a block naga puts a struct: it is used like its member.
-                    (None, [only]) if only.name.is_empty() => (at.member(0), 0),
-                    _ => return Err(format!("no member `{name}`")),
-                }
-            };
-            offset = offset.saturating_add(found.0);
-            at = found.1;
-            walked += length;
-        }
-        Ok((offset, at))
-    }
-
-    /// Offset and layout of a component of a vector by its name, `x` to `w`.
-    fn component(self, name: &str) -> Option<(usize, Self)> {
-        let Type::Vector { .. } = self.module.ty(self.ty) else { return None };
-        let index = ["x", "y", "z", "w"].iter().position(|known| *known == name)?;
-        self.parts().get(index).copied()
-    }
-
-    /// The layout as lines: offset, type and path of each part that is no struct.
-    pub fn describe(self) -> Vec<String> {
-        let mut lines: Vec<_> =
-            self.lines().into_iter().map(|(offset, text)| format!("{offset:5}  {text}")).collect();
-        shorten(&mut lines);
-        lines
-    }
-
-    /// The path of the part at an offset of a block.
-    pub fn path_at(self, offset: usize) -> String {
-        let lines = self.lines();
-        let line = lines.iter().rfind(|(at, _)| *at <= offset);
-        let path = line.and_then(|(_, text)| text.split_once(' ')).map_or("", |(_, path)| path);
-        match path {
-            "" => format!("offset {offset}"),
-            path => path.to_owned(),
-        }
-    }
-
-    /// Every scalar, vector and matrix of it with its offset: type and path.
-    pub fn lines(self) -> Vec<(usize, String)> {
-        let mut lines = Vec::new();
-        self.collect_lines("", 0, &mut lines);
-        lines
-    }
-
-    fn collect_lines(self, path: &str, offset: usize, lines: &mut Vec<(usize, String)>) {
-        match self.module.ty(self.ty) {
-            Type::Struct { members, .. } => {
-                for (member, (at, layout)) in members.iter().zip(self.members()) {
-                    let dot = if path.is_empty() { "" } else { "." };
-                    layout.collect_lines(&format!("{path}{dot}{}", member.name), offset + at, lines);
-                }
-            }
-            _ => lines.push((offset, format!("{} {path}", self.module.describe_type(self.ty)))),
-        }
-    }
 }
 
 /// Bytes from the first of `count` things to the end of the last.
 fn spread(count: usize, stride: usize, each: usize) -> usize {
     count.saturating_sub(1).saturating_mul(stride).saturating_add(each)
-}
-
-/// Cuts a list of lines where it is long, and says how many more there were.
-pub fn shorten(lines: &mut Vec<String>) {
-    if lines.len() > SHOWN {
-        let more = lines.len() - SHOWN;
-        lines.truncate(SHOWN);
-        lines.push(format!("and {more} more"));
-    }
 }
 
 fn scalar_size(width: u32, rules: Rules) -> usize {

@@ -1,17 +1,16 @@
-//! Typed values from the words of a shader's memory, by reflection.
+//! Values with their types, as text and as JSON.
 
 use std::fmt;
 
 use half::f16;
 use serde::ser::{Serialize, Serializer};
 
-use anyhit_engine::machine::DeviceMemory;
-use anyhit_engine::math::float_format::FloatFormat;
-use anyhit_engine::module::Module;
-use anyhit_engine::module::ty::{Type, TypeId};
-use anyhit_engine::ops::builtin::{Builtin, ValueShape};
-use anyhit_engine::ops::pointer::storage;
-use anyhit_engine::ops::translate::array_length;
+use crate::machine::DeviceMemory;
+use crate::math::float_format::FloatFormat;
+use crate::module::Module;
+use crate::module::ty::{Type, TypeId};
+use crate::ops::builtin::{Builtin, ValueShape};
+use crate::reflect::{FromParts, Layout, Rules, Scalar};
 
 /// The number of elements that text shows of a list.
 const MAX_ELEMENTS: usize = 16;
@@ -106,12 +105,18 @@ impl TypedValue {
         self
     }
 
-    /// A value of a module's type from its words (see [`anyhit_engine::pipeline::Event`]); missing
-    /// words are 0.
+    /// Reads a value of a module's type from the words of its registers; missing words are 0.
     pub fn of_type(module: &Module, ty: TypeId, words: &[u32]) -> Self {
-        let budget = words.len().saturating_mul(16).saturating_add(1 << 20);
-        let mut words = WordReader { words, budget };
-        Self { ty: type_name(module, ty), content: content(module, ty, &mut words) }
+        let layout = Layout::new(module, ty, Rules::Packed);
+        let size = layout.word_count().map_or(0, |count| count as usize);
+        let missing = std::iter::repeat_n(0, size.saturating_sub(words.len()));
+        let words = words.iter().copied().chain(missing);
+        Self::of_bytes(layout, &words.flat_map(u32::to_le_bytes).collect::<Vec<_>>())
+    }
+
+    /// Reads a value from its bytes.
+    pub fn of_bytes(layout: Layout<'_>, bytes: &[u8]) -> Self {
+        Self { ty: type_name(layout.module, layout.ty), content: layout.read(bytes) }
     }
 
     /// The value of a builtin from its words.
@@ -240,6 +245,16 @@ impl fmt::Display for ValueContent {
 }
 
 impl FloatValue {
+    /// The float of a format with these bits.
+    pub fn of_bits(format: FloatFormat, bits: u64) -> Self {
+        match format {
+            FloatFormat::Binary16 => Self::F16(f16::from_bits(bits as u16)),
+            FloatFormat::Binary32 => Self::F32(f32::from_bits(bits as u32)),
+            FloatFormat::Binary64 => Self::F64(f64::from_bits(bits)),
+            _ => Self::Small(format, format.value(bits) as f32),
+        }
+    }
+
     /// The number.
     pub fn as_f64(self) -> f64 {
         match self {
@@ -312,82 +327,35 @@ pub fn type_name(module: &Module, ty: TypeId) -> String {
     described.strip_prefix("struct ").map_or_else(|| described.clone(), str::to_owned)
 }
 
-/// The words of a value that are still to be read.
-struct WordReader<'w> {
-    words: &'w [u32],
-    /// How many parts are still made: types without words have any number of them.
-    budget: usize,
-}
-
-impl WordReader<'_> {
-    fn next(&mut self) -> u32 {
-        self.words.split_off_first().copied().unwrap_or(0)
+impl FromParts for ValueContent {
+    fn scalar(_: Layout<'_>, _: &[u8], scalar: Scalar) -> Self {
+        match scalar {
+            Scalar::Bool(value) => Self::Bool(value),
+            Scalar::Int(value) => Self::Int(value),
+            Scalar::Uint(value) | Scalar::Handle(value) => Self::Uint(value),
+            Scalar::Float(value) => Self::Float(value),
+            Scalar::Address(address) => Self::Address(AddressValue { address, place: None }),
+        }
     }
-}
 
-fn content(module: &Module, ty: TypeId, words: &mut WordReader<'_>) -> ValueContent {
-    words.budget = words.budget.saturating_sub(1);
-    let mut next = || words.next();
-    match module.ty(ty) {
-        Type::Bool => ValueContent::Bool(next() != 0),
-        Type::Int { width: 64, signed } => {
-            let bits = u64::from(next()) | u64::from(next()) << 32;
-            if *signed { ValueContent::Int(bits as i64) } else { ValueContent::Uint(bits) }
-        }
-        Type::Int { width, signed } => {
-            let unused = 32 - (*width).clamp(1, 32);
-            let bits = next() << unused;
-            if *signed {
-                ValueContent::Int((bits as i32 >> unused).into())
-            } else {
-                ValueContent::Uint((bits >> unused).into())
-            }
-        }
-        Type::Float { width: 16, encoding: None } => {
-            ValueContent::Float(FloatValue::F16(f16::from_bits(next() as u16)))
-        }
-        Type::Float { width: 32, encoding: None } => ValueContent::f32(f32::from_bits(next())),
-        Type::Float { width: 64, encoding: None } => {
-            let bits = u64::from(next()) | u64::from(next()) << 32;
-            ValueContent::Float(FloatValue::F64(f64::from_bits(bits)))
-        }
-        ty @ Type::Float { .. } => {
-            let bits = u64::from(next());
-            match ty.float_format() {
-                Some(format) => ValueContent::Float(FloatValue::Small(format, format.value(bits) as f32)),
-                None => ValueContent::Uint(bits),
-            }
-        }
-        Type::Vector { component, count } => repeated(module, *component, *count as usize, words),
-        Type::Matrix { column, count } => repeated(module, *column, *count as usize, words),
-        Type::Array { element, length, .. } => {
-            repeated(module, *element, array_length(module, *length), words)
-        }
-        Type::Struct { members, .. } => {
-            let member = |(at, member): (usize, &anyhit_engine::module::ty::Member)| ValueMember {
-                name: if member.name.is_empty() { format!("member {at}") } else { member.name.clone() },
-                value: TypedValue {
-                    ty: type_name(module, member.ty),
-                    content: content(module, member.ty, words),
-                },
-            };
-            ValueContent::Members(members.iter().enumerate().map(member).collect())
-        }
-        Type::Pointer { storage_class: storage::PHYSICAL_STORAGE_BUFFER, .. } => {
-            let address = u64::from(next()) | u64::from(next()) << 32;
-            ValueContent::Address(AddressValue { address, place: None })
-        }
-        _ => ValueContent::Uint(next().into()),
+    fn list(_: Layout<'_>, _: &[u8], parts: Vec<Self>) -> Self {
+        Self::List(parts)
     }
-}
 
-/// A list of `count` values of one type, as far as the budget goes.
-fn repeated(module: &Module, element: TypeId, count: usize, words: &mut WordReader<'_>) -> ValueContent {
-    let mut values = Vec::new();
-    while values.len() < count && words.budget > 0 {
-        values.push(content(module, element, words));
+    fn structure(layout: Layout<'_>, _: &[u8], members: Vec<Self>) -> Self {
+        let Type::Struct { members: declared, .. } = layout.module.ty(layout.ty) else {
+            return Self::List(members);
+        };
+        let named = declared.iter().zip(members).enumerate().map(|(at, (member, content))| ValueMember {
+            name: if member.name.is_empty() { format!("member {at}") } else { member.name.clone() },
+            value: TypedValue { ty: type_name(layout.module, member.ty), content },
+        });
+        Self::Members(named.collect())
     }
-    ValueContent::List(values)
+
+    fn opaque(layout: Layout<'_>) -> Self {
+        Self::Text(type_name(layout.module, layout.ty))
+    }
 }
 
 fn uints(words: &[u32]) -> ValueContent {
@@ -410,9 +378,7 @@ mod tests {
     #[test]
     fn an_address_is_told_by_the_buffer_it_lies_in() {
         let mut memory = DeviceMemory::default();
-        memory
-            .add_buffer_at(0x2_0000_0000, &anyhit_engine::machine::Buffer::zeroed(64), Some("materials"))
-            .unwrap();
+        memory.add_buffer_at(0x2_0000_0000, &crate::machine::Buffer::zeroed(64), Some("materials")).unwrap();
         let text = |address| {
             let content = ValueContent::Address(AddressValue { address, place: None });
             let members =
@@ -492,7 +458,7 @@ mod tests {
 
     #[test]
     fn builtins_have_their_shapes() {
-        let builtin = anyhit_engine::ops::builtin::find_by_name("HitLSSPositionsNV").unwrap();
+        let builtin = crate::ops::builtin::find_by_name("HitLSSPositionsNV").unwrap();
         let words = [0.0f32, 1.0, 2.0, 3.0, 4.0, 5.5].map(f32::to_bits);
         assert_eq!(TypedValue::of_builtin(builtin, &words).to_string(), "vec3[2]((0, 1, 2), (3, 4, 5.5))");
     }

@@ -1,0 +1,191 @@
+//! Values read from bytes.
+
+use crate::module::ty::{Type, TypeId};
+use crate::ops::pointer::storage;
+use crate::ops::translate::array_length;
+use crate::reflect::Layout;
+use crate::reflect::value::FloatValue;
+
+/// A scalar read from bytes.
+#[derive(Clone, Copy, Debug)]
+pub enum Scalar {
+    /// A bool.
+    Bool(bool),
+    /// A signed integer.
+    Int(i64),
+    /// An unsigned integer.
+    Uint(u64),
+    /// A float.
+    Float(FloatValue),
+    /// A device address.
+    Address(u64),
+    /// The handle of a resource, or another pointer.
+    Handle(u64),
+}
+
+/// A kind of value that [`Layout::read`] builds.
+pub trait FromParts: Sized {
+    /// A scalar from its bytes, and those bytes; missing ones are left out.
+    fn scalar(layout: Layout<'_>, bytes: &[u8], scalar: Scalar) -> Self;
+
+    /// A vector, a matrix or an array, from the first byte on, with its parts.
+    fn list(layout: Layout<'_>, bytes: &[u8], parts: Vec<Self>) -> Self;
+
+    /// A struct, from the first byte on, with its members in their order.
+    fn structure(layout: Layout<'_>, bytes: &[u8], members: Vec<Self>) -> Self;
+
+    /// A value that is not read: its type has none, or the module has too many.
+    fn opaque(layout: Layout<'_>) -> Self;
+}
+
+impl Layout<'_> {
+    /// Reads a value; parts that the bytes do not reach are left out of arrays and are zero
+    /// elsewhere.
+    ///
+    /// Members may share their bytes, so that a few types make any number of parts: those beyond
+    /// some sixty readings of all bytes are opaque.
+    pub fn read<V: FromParts>(self, bytes: &[u8]) -> V {
+        let mut budget = bytes.len().saturating_mul(64).saturating_add(1 << 16);
+        self.read_within(bytes, &mut budget)
+    }
+
+    /// Reads a scalar; `None` for other types.
+    pub fn read_scalar(self, bytes: &[u8]) -> Option<Scalar> {
+        let mut bits = [0; 8];
+        let size = self.size().min(bits.len()).min(bytes.len());
+        bits[..size].copy_from_slice(&bytes[..size]);
+        let bits = u64::from_le_bytes(bits);
+        Some(match self.module.ty(self.ty) {
+            _ if !self.is_scalar() => return None,
+            Type::Bool => Scalar::Bool(bits != 0),
+            &Type::Int { width, signed } => {
+                let unused = 64 - width.clamp(1, 64);
+                let bits = bits << unused;
+                if signed { Scalar::Int(bits as i64 >> unused) } else { Scalar::Uint(bits >> unused) }
+            }
+            ty @ Type::Float { .. } => Scalar::Float(FloatValue::of_bits(ty.float_format()?, bits)),
+            Type::Pointer { storage_class: storage::PHYSICAL_STORAGE_BUFFER, .. } => Scalar::Address(bits),
+            _ => Scalar::Handle(bits),
+        })
+    }
+
+    /// As [`Layout::read`]; each part costs its bytes and one more.
+    fn read_within<V: FromParts>(self, bytes: &[u8], budget: &mut usize) -> V {
+        let list_at = |bytes: &[u8], count: usize, stride: usize, part: Self, budget: &mut usize| {
+            let mut elements = Vec::new();
+            for index in 0..count {
+                if *budget == 0 {
+                    break;
+                }
+                let from = bytes.get(index.saturating_mul(stride)..).unwrap_or_default();
+                elements.push(part.read_within(from, budget));
+            }
+            elements
+        };
+        let list = |whole: &[u8], count, stride, part, budget: &mut usize| {
+            V::list(self, whole, list_at(bytes, count, stride, part, budget))
+        };
+        let whole = &bytes[..bytes.len().min(self.size())];
+        if *budget == 0 {
+            return V::opaque(self);
+        }
+        *budget = budget.saturating_sub(whole.len() + 1);
+        match *self.module.ty(self.ty) {
+            Type::Vector { component, count } => {
+                let part = self.part(component);
+                list(whole, count as usize, self.component_stride(part.size()), part, budget)
+            }
+            Type::Matrix { column, count } => match self.matrix.filter(|_| self.explicit()) {
+                Some(matrix) if matrix.row_major => {
+                    let (part, rows) = (self.scalar(column), self.lanes(column));
+                    let column = |index: usize| {
+                        let first = bytes.get(index * part.size()..).unwrap_or_default();
+                        let values = list_at(first, rows, matrix.stride as usize, part, budget);
+                        let row = |row: usize| first.get(row * matrix.stride as usize..).unwrap_or_default();
+                        let packed = (0..rows).flat_map(|at| row(at).iter().take(part.size()).copied());
+                        V::list(self.part(column), &packed.collect::<Vec<_>>(), values)
+                    };
+                    V::list(self, whole, (0..count as usize).map(column).collect())
+                }
+                Some(matrix) => {
+                    list(whole, count as usize, matrix.stride as usize, self.part(column), budget)
+                }
+                None => list(whole, count as usize, self.part(column).size(), self.part(column), budget),
+            },
+            Type::Array { element, length, .. } => {
+                let part = self.part(element);
+                // What the bytes reach, as a module may declare any length.
+                let reached = match part.size() {
+                    0 => 0,
+                    size => bytes.len().div_ceil(size.max(self.stride())),
+                };
+                let length = array_length(self.module, length).min(reached);
+                list(whole, length, self.stride(), part, budget)
+            }
+            Type::RuntimeArray { element, .. } => {
+                let stride = self.stride().max(1);
+                list(bytes, bytes.len() / stride, stride, self.part(element), budget)
+            }
+            Type::Struct { .. } => {
+                let read = |(offset, part): (usize, Self)| {
+                    part.read_within(bytes.get(offset..).unwrap_or_default(), budget)
+                };
+                let members = self.members().map(read).collect();
+                let open = self.runtime_stride().is_some();
+                V::structure(self, if open { bytes } else { whole }, members)
+            }
+            _ => match self.read_scalar(bytes) {
+                Some(scalar) => V::scalar(self, whole, scalar),
+                None => V::opaque(self),
+            },
+        }
+    }
+
+    /// The device addresses in a value's bytes, each with the type that it points to and the stride
+    /// of such elements; those of the first parts, where there are very many.
+    pub fn addresses(self, bytes: &[u8]) -> Vec<(u64, TypeId, Option<usize>)> {
+        let mut found = Vec::new();
+        self.collect_addresses(bytes, &mut 4096, &mut found);
+        found
+    }
+
+    fn collect_addresses(
+        self,
+        bytes: &[u8],
+        budget: &mut usize,
+        found: &mut Vec<(u64, TypeId, Option<usize>)>,
+    ) {
+        let Some(left) = budget.checked_sub(1) else { return };
+        *budget = left;
+        match *self.module.ty(self.ty) {
+            Type::Pointer {
+                storage_class: storage::PHYSICAL_STORAGE_BUFFER,
+                pointee: Some(pointee),
+                stride,
+            } => {
+                if let Some(&address) = bytes.first_chunk() {
+                    found.push((u64::from_le_bytes(address), pointee, stride.map(|stride| stride as usize)));
+                }
+            }
+            Type::Struct { .. } => {
+                for (offset, part) in self.members() {
+                    part.collect_addresses(bytes.get(offset..).unwrap_or_default(), budget, found);
+                }
+            }
+            Type::Array { element, .. } | Type::RuntimeArray { element, .. } => {
+                let part = self.part(element);
+                let count = match *self.module.ty(self.ty) {
+                    Type::Array { length, .. } => array_length(self.module, length),
+                    _ => usize::MAX,
+                };
+                for element in bytes.chunks(self.stride().max(1)).take(count) {
+                    if *budget == 0 {
+                        break;
+                    }
+                    part.collect_addresses(element, budget, found);
+                }
+            }
+            _ => {}
+        }
+    }
+}
