@@ -8,7 +8,7 @@ use std::process::{Command, ExitStatus, Output};
 use std::time::UNIX_EPOCH;
 
 use super::{CompilerFlags, Source};
-use anyhit_base::atomic_file::{self, FolderGuard};
+use anyhit_base::atomic_file::{self, RemovalGuard};
 use anyhit_base::error::{Error, ErrorKind, Result};
 use anyhit_base::sorted::sort;
 
@@ -104,7 +104,7 @@ impl CompilerFlags {
 /// The folders of one compiler run: that of the source, and a temporary one for the output.
 pub(super) struct Workspace {
     output_folder: tempfile::TempDir,
-    _guard: FolderGuard,
+    _guard: RemovalGuard,
     folder: PathBuf,
 }
 
@@ -114,7 +114,7 @@ impl Workspace {
     pub(super) fn new(source: &Source) -> Result<Self> {
         let output_folder = tempfile::Builder::new().prefix("anyhit-").tempdir();
         let output_folder = output_folder.map_err(|error| Error::io(env::temp_dir(), error))?;
-        let guard = FolderGuard::new(output_folder.path());
+        let guard = RemovalGuard::new(output_folder.path());
         let mut folder = output_folder.path().to_owned();
         if source.is_file() {
             let own = source.folder();

@@ -30,7 +30,7 @@ use target::Target;
 use temporary::Temporary;
 
 pub use lock::FileLock;
-pub use temporary::FolderGuard;
+pub use temporary::RemovalGuard;
 #[cfg(unix)]
 pub use temporary::{abandon_all, before_first};
 
@@ -190,20 +190,19 @@ impl Way {
                 }
                 // Windows renames no file that is open.
                 drop(file);
-                match retried(|| fs::rename(temporary.path(), &target)) {
+                match temporary.persist(&target) {
                     Ok(()) => {
-                        temporary.renamed();
                         if sync {
                             flush_folder(&target);
                         }
                         Ok(())
                     }
                     // Something is mounted on the file itself.
-                    Err(error) if before.is_some() && is_mounted(&error) => {
+                    Err((error, temporary)) if before.is_some() && is_mounted(&error) => {
                         let place = InPlace::new(&target).map_err(|error| (error, Kept::Old))?;
                         place.copy(temporary.path(), sync)
                     }
-                    Err(error) => Err((error, kept())),
+                    Err((error, _)) => Err((error, kept())),
                 }
             }
             Self::InPlace(file) => file.finish(sync),

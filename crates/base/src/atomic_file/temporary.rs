@@ -7,7 +7,9 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::{Duration, SystemTime};
 
-use super::folder_of;
+use tempfile::{PathPersistError, TempPath};
+
+use super::{folder_of, retried};
 
 /// Ends the name of every temporary file; before it stand `.`, the file's name, `.` and letters
 /// drawn by chance.
@@ -64,8 +66,8 @@ fn live() -> MutexGuard<'static, BTreeSet<PathBuf>> {
 /// A temporary file, removed when it is dropped.
 #[derive(Debug)]
 pub(super) struct Temporary {
-    path: PathBuf,
-    is_renamed: bool,
+    path: TempPath,
+    guard: RemovalGuard,
 }
 
 impl Temporary {
@@ -77,61 +79,63 @@ impl Temporary {
         let name: String = name.chars().take(REPEATED).collect();
         // As the system says it: the library would add the temporary name.
         let mut refused = None;
+        let mut guard = None;
         let made = tempfile::Builder::new()
             .prefix(&format!(".{name}."))
             .rand_bytes(DRAWN)
             .suffix(SUFFIX)
             .make_in(folder, |path| {
                 // Known before it is there, so that no signal comes between.
-                live().insert(path.to_path_buf());
+                guard = Some(RemovalGuard::new(path));
                 File::create_new(path).map_err(|error| {
-                    live().remove(path);
+                    guard = None;
                     let kind = error.kind();
                     refused = Some(error);
                     kind.into()
                 })
             });
-        let made = made.map_err(|error| refused.unwrap_or(error))?;
-        let (file, path) = made.into_parts();
-        let path = path.keep().map_err(|error| error.error)?;
-        // Tells other processes that it is in use; a file system without locks goes by age.
+        let (file, path) = made.map_err(|error| refused.unwrap_or(error))?.into_parts();
+        let guard = guard.expect("bug in anyhit: a temporary file was made without its guard");
+        // Shows other processes that it is in use; a file system without locks goes by age.
         let _ = file.try_lock();
-        Ok((file, Self { path, is_renamed: false }))
+        Ok((file, Self { path, guard }))
     }
 
     pub(super) fn path(&self) -> &Path {
         &self.path
     }
 
-    /// It is what it was made for, and stays.
-    pub(super) fn renamed(mut self) {
-        self.is_renamed = true;
+    /// Renames it over a file.
+    ///
+    /// # Errors
+    /// The error of the system, and the temporary file.
+    pub(super) fn persist(self, target: &Path) -> Result<(), (io::Error, Self)> {
+        const LOST: &str = "bug in anyhit: a failed rename keeps the temporary file";
+        let Self { path, guard } = self;
+        let mut left = Some(path);
+        let renamed = retried(|| {
+            left.take().expect(LOST).persist(target).map_err(|PathPersistError { error, path }| {
+                left = Some(path);
+                error
+            })
+        });
+        renamed.map_err(|error| (error, Self { path: left.expect(LOST), guard }))
     }
 }
 
-impl Drop for Temporary {
-    fn drop(&mut self) {
-        if !self.is_renamed {
-            // It may be gone already. One that cannot be removed is swept later.
-            let _ = fs::remove_file(&self.path);
-        }
-        live().remove(&self.path);
-    }
-}
-
-/// Has a folder of temporary files, which somebody else removes, removed by [`abandon_all`], too.
+/// Has a temporary file or folder, which its owner removes, removed by [`abandon_all`], too.
 #[derive(Debug)]
-pub struct FolderGuard(PathBuf);
+pub struct RemovalGuard(PathBuf);
 
-impl FolderGuard {
+impl RemovalGuard {
     /// Begins to do so.
-    pub fn new(folder: &Path) -> Self {
-        live().insert(folder.to_path_buf());
-        Self(folder.to_path_buf())
+    pub fn new(path: &Path) -> Self {
+        live().insert(path.to_path_buf());
+        Self(path.to_path_buf())
     }
 }
 
-impl Drop for FolderGuard {
+impl Drop for RemovalGuard {
     fn drop(&mut self) {
         live().remove(&self.0);
     }
