@@ -20,7 +20,7 @@ fn main() {
     let full = std::env::args().any(|argument| argument == "--bench");
     let begun = |name: &str| {
         let scene = match full {
-            true => format!("tests/debugger/{name}.toml"),
+            true => format!("tests/debugger/scripts/{name}.toml"),
             false => format!("shaders/pass/debugger/{name}/scene.toml"),
         };
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(scene);

@@ -198,7 +198,7 @@ fn no_alarm(case: &Case) -> Result<(), Failed> {
 
 /// Rules without a case, as no compiler of fixtures writes what breaks them. Each is tested with an
 /// assembled module in `crates/sanitize/src/module_checks/tests.rs`,
-/// `crates/sanitize/src/interface_types.rs` or `tests/sanitized_modules.rs`. (`unsupported` is no
+/// `crates/sanitize/src/interface_types.rs` or `tests/sanitizer/modules.rs`. (`unsupported` is no
 /// rule of shaders.)
 const WITHOUT_CASE: [&str; 16] = [
     "as-load-source",

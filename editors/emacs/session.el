@@ -3,7 +3,7 @@
 ;; Emacs itself debugs a pixel: dap-mode starts the adapter, sets a breakpoint, goes where it
 ;; stops, steps, evaluates and lets the ray end. `.ci/judge-editors' runs it.
 ;;
-;; The scene's facts are those of tests/dap/vscode-swept-spheres.jsonl: the ray meets two swept
+;; The scene's facts are those of tests/debugger/dap/vscode-swept-spheres.jsonl: the ray meets two swept
 ;; spheres, the any-hit shader ignores the first, and the closest hit is on the one from (-1, 0, 4)
 ;; to (2, 0, 4), whose axis is (3, 0, 0).
 

@@ -1,4 +1,4 @@
-//! `subjects::command_line` of `tests/robustness/`, without end:
+//! `subjects::command_line` of `tests/input/robustness/`, without end:
 //! `cargo +nightly fuzz run command_line`.
 
 #![no_main]

@@ -1,4 +1,5 @@
-//! `subjects::execute` of `tests/robustness/`, without end: `cargo +nightly fuzz run execute`.
+//! `subjects::execute` of `tests/input/robustness/`, without end: `cargo +nightly fuzz run
+//! execute`.
 
 #![no_main]
 

@@ -1,4 +1,4 @@
-//! `subjects::gltf` of `tests/robustness/`, without end: `cargo +nightly fuzz run gltf`.
+//! `subjects::gltf` of `tests/input/robustness/`, without end: `cargo +nightly fuzz run gltf`.
 
 #![no_main]
 

@@ -1,4 +1,4 @@
-//! `subjects::load` of `tests/robustness/`, without end: `cargo +nightly fuzz run load`.
+//! `subjects::load` of `tests/input/robustness/`, without end: `cargo +nightly fuzz run load`.
 
 #![no_main]
 

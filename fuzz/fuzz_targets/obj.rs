@@ -1,4 +1,4 @@
-//! `subjects::obj` of `tests/robustness/`, without end: `cargo +nightly fuzz run obj`.
+//! `subjects::obj` of `tests/input/robustness/`, without end: `cargo +nightly fuzz run obj`.
 
 #![no_main]
 

@@ -1,4 +1,5 @@
-//! `subjects::picture` of `tests/robustness/`, without end: `cargo +nightly fuzz run picture`.
+//! `subjects::picture` of `tests/input/robustness/`, without end: `cargo +nightly fuzz run
+//! picture`.
 
 #![no_main]
 

@@ -1,4 +1,5 @@
-//! `subjects::recording` of `tests/robustness/`, without end: `cargo +nightly fuzz run recording`.
+//! `subjects::recording` of `tests/input/robustness/`, without end: `cargo +nightly fuzz run
+//! recording`.
 
 #![no_main]
 

@@ -1,4 +1,4 @@
-//! `subjects::scene` of `tests/robustness/`, without end: `cargo +nightly fuzz run scene`.
+//! `subjects::scene` of `tests/input/robustness/`, without end: `cargo +nightly fuzz run scene`.
 
 #![no_main]
 

@@ -1,4 +1,4 @@
-//! `subjects::smoke` of `tests/robustness/`, without end: `cargo +nightly fuzz run smoke`.
+//! `subjects::smoke` of `tests/input/robustness/`, without end: `cargo +nightly fuzz run smoke`.
 
 #![no_main]
 

@@ -1,4 +1,4 @@
-//! `subjects::wgsl` of `tests/robustness/`, without end: `cargo +nightly fuzz run wgsl`.
+//! `subjects::wgsl` of `tests/input/robustness/`, without end: `cargo +nightly fuzz run wgsl`.
 
 #![no_main]
 

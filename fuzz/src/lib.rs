@@ -1,17 +1,17 @@
-//! What the fuzz targets share with `tests/robustness.rs`: what reads, and how its files are
+//! What the fuzz targets share with `tests/input/robustness.rs`: what reads, and how its files are
 //! changed.
 #![allow(dead_code, reason = "tests use what targets do not")]
 
-#[path = "../../tests/robustness/binary.rs"]
+#[path = "../../tests/input/robustness/binary.rs"]
 mod binary;
-#[path = "../../tests/robustness/mutators.rs"]
+#[path = "../../tests/input/robustness/mutators.rs"]
 pub mod mutators;
-#[path = "../../tests/robustness/seeds.rs"]
+#[path = "../../tests/input/robustness/seeds.rs"]
 mod seeds;
-#[path = "../../tests/robustness/subjects.rs"]
+#[path = "../../tests/input/robustness/subjects.rs"]
 pub mod subjects;
 mod support;
-#[path = "../../tests/robustness/text.rs"]
+#[path = "../../tests/input/robustness/text.rs"]
 mod text;
 
 pub use libfuzzer_sys;

@@ -1,14 +1,14 @@
 //! Random modules with each pass of SPIRV-Tools alone, and with all passes of `-O`: what a pass
-//! makes of a module must leave the same in memory, by the evaluator of `tests/random_modules/` and
-//! by the interpreter.
+//! makes of a module must leave the same in memory, by the evaluator of
+//! `tests/execution/random_modules/` and by the interpreter.
 //!
 //! `ANYHIT_RANDOM_MODULES` is how many modules are drawn, `ANYHIT_RANDOM_SEED` another seed,
 //! `ANYHIT_RANDOM_FIRST` the number of the first module, `ANYHIT_RANDOM_PASS` the one pass to run.
 
 #![allow(dead_code, reason = "what the generator counts is for its own tests")]
 
-/// The generator and the evaluator, by the path that they have in the tests of the crate itself.
-#[path = "../../tests/random_modules"]
+/// The generator and the evaluator of the tests of the crate itself.
+#[path = "../../tests/execution/random_modules"]
 mod random_modules {
     pub mod arithmetic;
     pub mod emit;

@@ -244,7 +244,7 @@ fn invalid_is_a_verdict() {
         ),
     ];
     let record: String = tally.record.values().map(String::as_str).collect();
-    let path = root.join("tests/verdicts.txt");
+    let path = root.join("tests/modules/verdicts.txt");
     if mutants >= RECORDED && std::env::var_os("BLESS").is_some() {
         std::fs::write(&path, &record).expect("a writable file");
     }
@@ -254,7 +254,10 @@ fn invalid_is_a_verdict() {
         && only_we.is_empty()
         && only_they.is_empty();
     assert!(clean, "{}", report.join("\n"));
-    assert!(mutants < RECORDED || record == written, "tests/verdicts.txt is out of date: BLESS=1 writes it");
+    assert!(
+        mutants < RECORDED || record == written,
+        "tests/modules/verdicts.txt is out of date: BLESS=1 writes it"
+    );
     let judged: usize = tally.table.iter().flatten().sum();
     assert!(judged > paths.len() * mutants * 9 / 10, "only {judged} modules were judged");
 }

@@ -23,7 +23,7 @@ use anyhit_engine::machine::{Buffer, DeviceMemory};
 /// # fn main() -> anyhit::Result<()> {
 /// # std::env::set_current_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).unwrap();
 /// // It lists five nodes from `first` on, `uint value; uint pad; Node next;`; the next becomes 77.
-/// let module = Module::open("tests/addresses/nodes.spv")?;
+/// let module = Module::open("tests/scenes/addresses/nodes.spv")?;
 /// let mut buffers = DeviceBuffers::new();
 /// let first = buffers.reserve("first", 16)?;
 /// let second = buffers.add("second", &[4, first])?;

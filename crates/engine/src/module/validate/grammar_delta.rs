@@ -1,6 +1,6 @@
 //! What the grammar of SPIR-V 1.6, revision 7, says and rspirv's tables lack.
 //!
-//! Generated: `tests/grammar_delta.rs` says how, and compares.
+//! Generated: `tests/modules/grammar_delta.rs` says how, and compares.
 
 use super::entry::{Entry, Kind, entry};
 

@@ -1,0 +1,124 @@
+//! What is supported is known for all of SPIR-V, is true of the fixtures, and is what the
+//! documents say. `BLESS=1 cargo test --test main support_table::` rewrites the documents' tables.
+
+use std::collections::HashSet;
+use std::fs;
+use std::sync::Arc;
+
+use anyhit_engine::module::load;
+use anyhit_engine::ops::support::{Support, builtin, gaps, opcode, table};
+use anyhit_engine::program::lower;
+use pretty_assertions::assert_eq;
+use rspirv::grammar::INSTRUCTION_TABLE;
+use rspirv::spirv::BuiltIn;
+
+use crate::support::files::{self, root};
+
+const BEGIN: &str = "<!-- support table: written by tests/modules/support_table.rs -->\n";
+const END: &str = "<!-- end of support table -->";
+
+#[test]
+fn everything_in_the_grammar_is_classed() {
+    assert_eq!(table::unclassed(), Vec::<String>::new());
+}
+
+#[test]
+fn what_lowers_has_no_gaps() {
+    let mut lowered = 0;
+    let mut wrong = Vec::new();
+    for path in files::with_extension(&root().join("spirv-fixtures"), "spv") {
+        let bytes = fs::read(&path).expect("a readable fixture");
+        let module = Arc::new(load(&bytes).expect("a fixture that loads"));
+        for entry in &module.entry_points {
+            if lower(&module, entry).is_err() {
+                continue;
+            }
+            lowered += 1;
+            let gaps = gaps(&module, entry);
+            if !gaps.is_empty() {
+                wrong.push(format!("{} `{}`: {gaps:?}", path.display(), entry.name));
+            }
+        }
+    }
+    assert!(lowered > 70, "only {lowered} entry points lower");
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+/// What runs is in a module that tests run, or in a program or a row's vector of the tests' own.
+#[test]
+fn what_is_called_supported_is_run_by_a_test() {
+    let mut run = [HashSet::new(), HashSet::new()];
+    for path in files::with_extension(&root().join("spirv-fixtures"), "spv") {
+        let module = load(&fs::read(&path).expect("a readable fixture")).expect("a fixture that loads");
+        let mut at = 5;
+        while let Some(&first) = module.words.get(at) {
+            let words = &module.words[at..at + (first >> 16) as usize];
+            run[0].insert(first & 0xffff);
+            // OpDecorate and OpMemberDecorate with BuiltIn.
+            match *words {
+                [_, _, 11, builtin] if first & 0xffff == 71 => drop(run[1].insert(builtin)),
+                [_, _, _, 11, builtin] if first & 0xffff == 72 => drop(run[1].insert(builtin)),
+                _ => {}
+            }
+            at += words.len();
+        }
+    }
+    let mut text = String::new();
+    for path in files::with_extension(&root().join("tests"), "rs") {
+        text += &fs::read_to_string(path).expect("a readable test");
+    }
+    let mut vectors = String::new();
+    for path in files::with_extension(&root().join("crates/engine/src/ops"), "rs") {
+        let source = fs::read_to_string(path).expect("a readable source");
+        vectors += source.split_once("#[cfg(test)]").map_or("", |(_, tests)| tests);
+    }
+    let words = |text: &str| -> HashSet<String> {
+        text.split(|c: char| !c.is_ascii_alphanumeric()).map(str::to_owned).collect()
+    };
+    let (text, vectors) = (words(&text), words(&vectors));
+    let mut missing = Vec::new();
+    for entry in INSTRUCTION_TABLE.iter() {
+        let supported = opcode(entry.opcode as u16).is_some_and(Support::is_supported);
+        let name = format!("Op{}", entry.opname);
+        let known = run[0].contains(&(entry.opcode as u32)) || text.contains(&name);
+        if supported && !known && !vectors.contains(entry.opname) {
+            missing.push(name);
+        }
+    }
+    for number in 0..u32::from(u16::MAX) {
+        let Some(known) =
+            BuiltIn::from_u32(number).filter(|_| builtin(number).is_some_and(Support::is_supported))
+        else {
+            continue;
+        };
+        let name = format!("{known:?}");
+        if !run[1].contains(&number) && !text.contains(&name) && !vectors.contains(&name) {
+            missing.push(name);
+        }
+    }
+    assert_eq!(missing, Vec::<String>::new());
+}
+
+#[test]
+fn the_documents_tables_are_those_of_the_instruction_set() {
+    check("docs/support.md", &format!("{}\n{}", table::summary(), table::listing()));
+    let readme = fs::read_to_string(root().join("README.md")).expect("the README");
+    let summary = table::summary();
+    let row = summary.lines().find(|line| line.starts_with("| SPIR-V instructions |")).expect("their row");
+    let count = row.split('|').nth(2).expect("a column").trim();
+    assert!(readme.contains(&format!("[{count} SPIR-V instructions]")), "{count} instructions are supported");
+}
+
+/// Compares what stands between the marks of a document, or rewrites it.
+fn check(document: &str, expected: &str) {
+    let path = root().join(document);
+    let text = fs::read_to_string(&path).expect("a readable document").replace("\r\n", "\n");
+    let (before, rest) = text.split_once(BEGIN).expect("the mark where the table begins");
+    let (table, after) = rest.split_once(END).expect("the mark where the table ends");
+    // Not when it is right: tests that run meanwhile read the documents.
+    if table != expected && std::env::var_os("BLESS").is_some_and(|value| value == "1") {
+        fs::write(&path, format!("{before}{BEGIN}{expected}{END}{after}")).expect("a writable document");
+        return;
+    }
+    assert_eq!(table, expected, "{document} is out of date: BLESS=1 cargo test --test main support_table::");
+}

@@ -1,0 +1,7 @@
+//! The sanitizer on modules that no case of `shaders/` has.
+
+mod modules;
+mod outputs;
+mod traversal_lints;
+#[cfg(feature = "glsl")]
+mod values;
