@@ -1,5 +1,7 @@
 //! Findings: each rule that was broken, once for each place and cause, with how often.
 
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
 use rustc_hash::FxHashMap;
 use serde::Serialize;
 
@@ -64,7 +66,22 @@ pub struct Findings {
     by_key: FxHashMap<SceneKey, usize>,
     /// Each time that one was met, where somebody asks for that.
     #[serde(skip)]
-    occurrences: Option<Vec<Occurrence>>,
+    occurrences: Option<OccurrenceLog>,
+}
+
+/// A log of the times that invocations meet findings, shared with whoever reads it.
+#[derive(Clone, Debug, Default)]
+pub struct OccurrenceLog(Arc<Mutex<Vec<Occurrence>>>);
+
+impl OccurrenceLog {
+    /// Takes what was noted since this was asked last.
+    pub fn take(&self) -> Vec<Occurrence> {
+        std::mem::take(&mut *self.noted())
+    }
+
+    fn noted(&self) -> MutexGuard<'_, Vec<Occurrence>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
 }
 
 /// An invocation has met a finding.
@@ -138,19 +155,14 @@ impl Findings {
     }
 
     /// Notes from now on each time that a finding is met.
-    pub(super) fn note_occurrences(&mut self) {
-        self.occurrences = Some(Vec::new());
-    }
-
-    /// What was noted since this was asked last.
-    pub(super) fn take_occurrences(&mut self) -> Vec<Occurrence> {
-        self.occurrences.as_mut().map_or_else(Vec::new, std::mem::take)
+    pub(super) fn note_occurrences(&mut self, log: &OccurrenceLog) {
+        self.occurrences = Some(log.clone());
     }
 
     /// Notes that invocations have met the finding of a key, where that is asked for.
     pub(super) fn note(&mut self, key: &FindingKey, launch_ids: impl Iterator<Item = [u32; 3]>) {
-        if let (Some(noted), Some(&finding)) = (&mut self.occurrences, self.by_key.get(&SceneKey::of(key))) {
-            noted.extend(launch_ids.map(|launch_id| Occurrence { finding, launch_id }));
+        if let (Some(log), Some(&finding)) = (&self.occurrences, self.by_key.get(&SceneKey::of(key))) {
+            log.noted().extend(launch_ids.map(|launch_id| Occurrence { finding, launch_id }));
         }
     }
 

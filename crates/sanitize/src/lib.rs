@@ -47,7 +47,7 @@ mod warning_reports;
 mod word_range;
 mod world_reads;
 
-pub use finding::{Finding, Findings, Occurrence};
+pub use finding::{Finding, Findings, Occurrence, OccurrenceLog};
 pub use levels::Levels;
 pub use plan::ProgramPlan;
 pub use record::FindingRecord;

@@ -10,7 +10,7 @@ use rustc_hash::FxHashSet;
 
 use crate::cause::{Cause, CauseDetails, Causes, OpPlace};
 use crate::expectations::Expectations;
-use crate::finding::{Findings, Occurrence};
+use crate::finding::{Findings, OccurrenceLog};
 use crate::levels::Levels;
 use crate::memory_shadow::WorkgroupShadow;
 use crate::payload_use::PassedData;
@@ -105,14 +105,9 @@ impl<'a> Sanitizer<'a> {
 
     /// A sanitizer that notes each time that an invocation meets a finding.
     #[must_use]
-    pub fn noting_occurrences(mut self) -> Self {
-        self.findings.note_occurrences();
+    pub fn noting_occurrences(mut self, log: &OccurrenceLog) -> Self {
+        self.findings.note_occurrences(log);
         self
-    }
-
-    /// Which invocations have met which findings since this was asked last.
-    pub fn take_occurrences(&mut self) -> Vec<Occurrence> {
-        self.findings.take_occurrences()
     }
 
     /// What was found so far.

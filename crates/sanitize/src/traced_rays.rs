@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use crate::finding::{Finding, FindingKey, Findings, Occurrence};
+use crate::finding::{Finding, FindingKey, Findings, OccurrenceLog};
 use crate::levels::Levels;
 use crate::rule::{Level, Rule, structure, trace, traversal};
 use crate::structures::{StructureNames, geometry_name, instance_name, structure_key, structure_of};
@@ -469,20 +469,15 @@ impl<'a> RayWatch<'a> {
 
 impl PausedRayWatch {
     /// One that has seen nothing yet, and notes each time that a ray meets a finding.
-    pub fn noting_occurrences() -> Self {
+    pub fn noting_occurrences(log: &OccurrenceLog) -> Self {
         let mut paused = Self::default();
-        paused.findings.note_occurrences();
+        paused.findings.note_occurrences(log);
         paused
     }
 
     /// What was found so far.
     pub fn findings(&self) -> &Findings {
         &self.findings
-    }
-
-    /// Which invocations' rays have met which findings since this was asked last.
-    pub fn take_occurrences(&mut self) -> Vec<Occurrence> {
-        self.findings.take_occurrences()
     }
 }
 

@@ -15,7 +15,7 @@ use anyhit_engine::pipeline::{
 };
 use anyhit_engine::program::Program;
 
-use super::tracker::{Followed, Tracker};
+use super::tracker::{DebugObservers, Followed};
 
 /// A shader that has begun and not ended, while everything is paused.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -59,8 +59,8 @@ pub type SavedState = Box<dyn Any>;
 
 /// One invocation or ray that runs in steps.
 pub trait Debuggee {
-    /// Runs until the tracker pauses it, or to the end.
-    fn resume(&mut self, tracker: &mut Tracker<'_>, inbox: &RefCell<Vec<Event>>) -> Resumed;
+    /// Runs until an observer pauses it, or to the end.
+    fn resume(&mut self, observers: &mut DebugObservers<'_>, inbox: &RefCell<Vec<Event>>) -> Resumed;
 
     /// A copy of its state.
     fn save(&self) -> SavedState;
@@ -142,12 +142,12 @@ pub(super) trait DebuggedWidth<const W: usize>: Width<W> {
     /// Runs an invocation of a launch, or a ray.
     fn resume_launch(
         launch: &mut SteppedLaunch<W>,
-        tracker: &mut Tracker<'_>,
+        observers: &mut DebugObservers<'_>,
         on_event: &mut dyn FnMut(Event),
     ) -> Resumed;
 
     /// Runs an invocation of a dispatch.
-    fn resume_dispatch(dispatch: &mut SteppedDispatch<W>, tracker: &mut Tracker<'_>) -> Resumed;
+    fn resume_dispatch(dispatch: &mut SteppedDispatch<W>, observers: &mut DebugObservers<'_>) -> Resumed;
 }
 
 macro_rules! debugged_widths {
@@ -155,17 +155,17 @@ macro_rules! debugged_widths {
         impl DebuggedWidth<$lanes> for LaneKernel {
             fn resume_launch(
                 launch: &mut SteppedLaunch<$lanes>,
-                tracker: &mut Tracker<'_>,
+                observers: &mut DebugObservers<'_>,
                 on_event: &mut dyn FnMut(Event),
             ) -> Resumed {
-                launch.resume(tracker, on_event)
+                observers.observe(&mut |observer| launch.resume(observer, on_event))
             }
 
             fn resume_dispatch(
                 dispatch: &mut SteppedDispatch<$lanes>,
-                tracker: &mut Tracker<'_>,
+                observers: &mut DebugObservers<'_>,
             ) -> Resumed {
-                dispatch.resume(tracker, &mut |_| ())
+                observers.observe(&mut |observer| dispatch.resume(observer, &mut |_| ()))
             }
         }
     )*};
@@ -176,9 +176,9 @@ impl<const W: usize> Debuggee for SteppedLaunch<W>
 where
     LaneKernel: DebuggedWidth<W>,
 {
-    fn resume(&mut self, tracker: &mut Tracker<'_>, inbox: &RefCell<Vec<Event>>) -> Resumed {
-        let resumed = LaneKernel::resume_launch(self, tracker, &mut |event| inbox.borrow_mut().push(event));
-        tracker.take_events();
+    fn resume(&mut self, observers: &mut DebugObservers<'_>, inbox: &RefCell<Vec<Event>>) -> Resumed {
+        let resumed = LaneKernel::resume_launch(self, observers, &mut |event| inbox.borrow_mut().push(event));
+        observers.tracker.take_events();
         resumed
     }
 
@@ -283,9 +283,9 @@ impl<const W: usize> Debuggee for SteppedDispatch<W>
 where
     LaneKernel: DebuggedWidth<W>,
 {
-    fn resume(&mut self, tracker: &mut Tracker<'_>, inbox: &RefCell<Vec<Event>>) -> Resumed {
+    fn resume(&mut self, observers: &mut DebugObservers<'_>, inbox: &RefCell<Vec<Event>>) -> Resumed {
         // Events of ray queries are taken where they happen, as other invocations have some, too.
-        let resumed = LaneKernel::resume_dispatch(self, tracker);
+        let resumed = LaneKernel::resume_dispatch(self, observers);
         inbox.borrow_mut().clear();
         resumed
     }

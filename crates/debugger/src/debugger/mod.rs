@@ -55,7 +55,7 @@ use anyhit_engine::machine::printed::{Printed, PrintedLine};
 use anyhit_engine::ops::op::Op;
 use anyhit_engine::pipeline::{Event, Pipeline, Resumed};
 use anyhit_engine::program::Program;
-use anyhit_sanitize::Finding;
+use anyhit_sanitize::{Finding, Levels};
 
 use condition::{StopConditions, words_of};
 use course::Course;
@@ -64,8 +64,8 @@ use decision::Direction;
 use edits::Edit;
 use history::{Checkpoint, History};
 use memory_state::ChangingMemory;
-use sanitized_steps::{SanitizedSteps, Sanitizing};
-use tracker::{Followed, OthersWork, Tracker};
+use sanitized_steps::Sanitizing;
+use tracker::{DebugObservers, Followed, OthersWork, Tracker};
 use words_then::RegistersNow;
 
 pub use breakpoint::{Breakpoint, BreakpointId, BreakpointPlace, BreakpointTable, TraversalFilter};
@@ -414,14 +414,19 @@ impl Debugger {
         let followed = self.debuggee.followed();
         let mut tracker =
             Tracker::new(&mut self.course, &self.sources, followed, conditions, &inbox, summary);
-        let sanitizer = self.sanitizing.as_mut().and_then(Sanitizing::take);
-        tracker.sanitized =
-            self.sanitizing.as_ref().zip(sanitizer).map(|(with, sanitizer)| with.looking(sanitizer));
+        let looking = self.sanitizing.as_mut().and_then(|with| {
+            let sanitizer = with.take()?;
+            Some(with.looking(sanitizer))
+        });
+        let (sanitizer, findings) = looking.unzip();
+        tracker.findings = findings;
         tracker.prints = (is_new && self.prints).then(Vec::new);
         let others = OthersWork { limit, before: (!has_begun).then_some(0), is_long: false };
         tracker.others = is_new.then_some(others);
-        let resumed = self.debuggee.resume(&mut tracker, &inbox);
-        let sanitizer = tracker.sanitized.take().map(SanitizedSteps::paused);
+        let mut observers = DebugObservers { sanitizer, tracker };
+        let resumed = self.debuggee.resume(&mut observers, &inbox);
+        let DebugObservers { sanitizer, mut tracker } = observers;
+        let sanitizer = sanitizer.map(|sanitizer| sanitizer.borrowing(&[], Levels::defaults(), None));
         let prints = tracker.prints.take().unwrap_or_default();
         let is_due = tracker.others.is_some_and(|others| others.is_long);
         if let Some(sanitizing) = &mut self.sanitizing {

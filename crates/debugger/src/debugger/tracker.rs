@@ -11,7 +11,7 @@ use anyhit_sanitize::Sanitizer;
 
 use super::condition::{Ran, StopConditions};
 use super::course::{ActiveShader, Course, FrameLine, Moment, Time};
-use super::sanitized_steps::SanitizedSteps;
+use super::sanitized_steps::FindingTimes;
 use super::segment_summary::SegmentSummary;
 use super::source_map::{ShaderSites, Site, SourceMap, SourcePosition};
 use super::unwritten::incoming;
@@ -49,8 +49,8 @@ pub struct Tracker<'a> {
     inbox: &'a RefCell<Vec<Event>>,
     /// Where lines are noted that begin for the first time.
     summary: Option<&'a mut SegmentSummary>,
-    /// The sanitizer, where it looks at the run, too.
-    pub(super) sanitized: Option<SanitizedSteps<'a>>,
+    /// The times of what a sanitizer finds, where one observes the run, too.
+    pub(super) findings: Option<FindingTimes<'a>>,
     /// Where invocations print, where that is noted.
     pub(super) prints: Option<Vec<Print>>,
     /// What others of the workgroup do while the invocation waits, where that is measured.
@@ -81,6 +81,28 @@ pub(super) struct Print {
     pub position: Option<SourcePosition>,
 }
 
+/// The observers of a debugged run: a sanitizer if there is one, and behind it the tracker, which
+/// notes when the sanitizer finds something.
+#[derive(Debug)]
+pub struct DebugObservers<'a> {
+    pub(super) sanitizer: Option<Sanitizer<'a>>,
+    /// The tracker.
+    pub tracker: Tracker<'a>,
+}
+
+impl<'a> DebugObservers<'a> {
+    /// Calls a run with one observer that stands for all.
+    pub fn observe<const W: usize, R>(&mut self, run: &mut dyn FnMut(&mut dyn Observer<W>) -> R) -> R
+    where
+        Sanitizer<'a>: Observer<W>,
+    {
+        match &mut self.sanitizer {
+            Some(sanitizer) => run(&mut (sanitizer, &mut self.tracker)),
+            None => run(&mut self.tracker),
+        }
+    }
+}
+
 impl fmt::Debug for Tracker<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("Tracker").field("time", &self.course.time).finish_non_exhaustive()
@@ -108,7 +130,7 @@ impl<'a> Tracker<'a> {
             conditions,
             inbox,
             summary,
-            sanitized: None,
+            findings: None,
             prints: None,
             others: None,
             shader: ShaderIndex(0),
@@ -124,9 +146,9 @@ impl<'a> Tracker<'a> {
                 Event::Leave { .. } => self.leave(),
                 _ => {}
             }
-            if let Some(sanitized) = &mut self.sanitized {
+            if let Some(findings) = &mut self.findings {
                 // The instruction that has called the pipeline was the step before.
-                sanitized.event(event.clone(), self.course.time.saturating_sub(1));
+                findings.event(event.clone(), self.course.time.saturating_sub(1));
             }
             self.conditions.event(&event, self.course.events.len());
             self.course.events.push(event);
@@ -180,9 +202,6 @@ impl<'a> Tracker<'a> {
         self.course.last_op = Some((self.shader, op));
         if self.conditions.is_met(self.course.time) {
             self.course.paused = true;
-            if let Some(sanitized) = &mut self.sanitized {
-                sanitized.pause();
-            }
             return true;
         }
         self.course.time += 1;
@@ -240,8 +259,8 @@ impl<'a> Tracker<'a> {
     /// Notes what the followed invocation has made the sanitizer find at a step.
     fn note_findings<const W: usize>(&mut self, batch: &Batch<W>, time: Time) {
         let followed = self.followed;
-        if let Some(sanitized) = &mut self.sanitized {
-            sanitized.note(time, || followed.lane(batch).map(|lane| batch.invocations.launch_id(lane)));
+        if let Some(findings) = &mut self.findings {
+            findings.note(time, || followed.lane(batch).map(|lane| batch.invocations.launch_id(lane)));
         }
     }
 
@@ -280,22 +299,17 @@ fn work<const W: usize>(batch: &Batch<W>) -> u64 {
     batch.watch.as_ref().map_or(0, |watch| watch.spent())
 }
 
-impl<'a, const W: usize> Observer<W> for Tracker<'a>
-where
-    Sanitizer<'a>: Observer<W>,
-{
-    fn began(&mut self, shader: ShaderIndex, batch: &mut Batch<W>) {
-        if let Some(sanitized) = &mut self.sanitized {
-            sanitized.sanitizer.began(shader, batch);
-            self.note_findings(batch, self.course.time);
-        }
+impl<const W: usize> Observer<W> for Tracker<'_> {
+    fn began(&mut self, _: ShaderIndex, batch: &mut Batch<W>) {
+        self.note_findings(batch, self.course.time);
     }
 
     fn resumed(&mut self, shader: ShaderIndex, batch: &mut Batch<W>) {
-        if let Some(sanitized) = &mut self.sanitized {
-            sanitized.resumed(shader, batch);
-            self.note_findings(batch, self.course.time);
-        }
+        self.note_findings(batch, self.course.time);
+        self.continued(shader, batch);
+    }
+
+    fn continued(&mut self, shader: ShaderIndex, batch: &mut Batch<W>) {
         self.take_events();
         self.shader = shader;
         self.lane = self.followed.lane(batch);
@@ -315,10 +329,7 @@ where
     }
 
     fn stopped(&mut self, shader: ShaderIndex, batch: &Batch<W>) {
-        if let Some(sanitized) = &mut self.sanitized {
-            sanitized.stopped(shader, batch);
-            self.note_findings(batch, self.course.time);
-        }
+        self.note_findings(batch, self.course.time);
         if let Some(others) = self.others.as_mut().filter(|_| self.lane.is_some()) {
             others.before = Some(work(batch));
         }
@@ -333,10 +344,7 @@ where
     }
 
     fn block(&mut self, batch: &Batch<W>) {
-        if let Some(sanitized) = &mut self.sanitized {
-            sanitized.sanitizer.block(batch);
-            self.note_findings(batch, self.course.time);
-        }
+        self.note_findings(batch, self.course.time);
         if self.running_lane(batch).is_none() {
             return;
         }
@@ -353,19 +361,13 @@ where
     }
 
     fn before(&mut self, batch: &mut Batch<W>, op: OpIndex) -> bool {
-        if let Some(sanitized) = &mut self.sanitized {
-            sanitized.sanitizer.before(batch, op);
-            self.note_findings(batch, self.course.time);
-        }
+        self.note_findings(batch, self.course.time);
         self.running_lane(batch).is_some() && self.arrive(op, batch.frames().len())
     }
 
     fn after(&mut self, batch: &mut Batch<W>, bindings: &Bindings, op: OpIndex) {
-        if let Some(sanitized) = &mut self.sanitized {
-            sanitized.sanitizer.after(batch, bindings, op);
-            // The step was counted before it was made.
-            self.note_findings(batch, self.course.time.saturating_sub(1));
-        }
+        // The step was counted before it was made.
+        self.note_findings(batch, self.course.time.saturating_sub(1));
         if self.prints.is_some() {
             self.note_print(batch, op);
         }
@@ -396,10 +398,7 @@ where
     }
 
     fn terminator(&mut self, batch: &mut Batch<W>) -> bool {
-        if let Some(sanitized) = &mut self.sanitized {
-            sanitized.sanitizer.terminator(batch);
-            self.note_findings(batch, self.course.time);
-        }
+        self.note_findings(batch, self.course.time);
         let terminator = self.sources.shader(self.shader).program.terminator_index(batch.block);
         self.running_lane(batch).is_some() && self.arrive(terminator, batch.frames().len())
     }

@@ -3,7 +3,9 @@
 use smallvec::SmallVec;
 
 use crate::interp::superop;
-use crate::machine::{Batch, Bindings, BlockIndex, Lanes, Mask, Observer, OpIndex, Stop, TrapCode};
+use crate::machine::{
+    Batch, Bindings, BlockIndex, Lanes, Mask, Observer, OpIndex, ShaderIndex, Stop, TrapCode,
+};
 use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::ops::op::Op;
 use crate::program::{OptimizedCode, Program, Superblock, Terminator};
@@ -12,7 +14,7 @@ use crate::program::{OptimizedCode, Program, Superblock, Terminator};
 /// report, a barrier.
 const STOP_COST: u32 = 64;
 
-/// Runs a batch of one lane until it stops, under an observer if there is one.
+/// Runs a batch of one lane, of the only shader, until it stops, under an observer if there is one.
 pub fn run_lane(
     batch: &mut Batch<1>,
     program: &Program,
@@ -20,9 +22,32 @@ pub fn run_lane(
     observer: Option<&mut dyn Observer<1>>,
 ) -> Stop<1> {
     match observer {
-        Some(mut observer) => run(batch, program, bindings, &mut observer),
+        Some(mut observer) => run_shader(ShaderIndex(0), batch, program, bindings, &mut observer),
         None => run(batch, program, bindings, &mut ()),
     }
+}
+
+/// As [`run`], for a shader of a pipeline: reports to the observer that its batch begins to run, or
+/// goes on, and that it stopped.
+pub fn run_shader<const W: usize, O: Observer<W>>(
+    shader: ShaderIndex,
+    batch: &mut Batch<W>,
+    program: &Program,
+    bindings: &Bindings,
+    observer: &mut O,
+) -> Stop<W>
+where
+    LaneKernel: Width<W>,
+{
+    match batch.paused {
+        true => observer.continued(shader, batch),
+        false => observer.resumed(shader, batch),
+    }
+    let stop = run(batch, program, bindings, observer);
+    if stop != Stop::Paused {
+        observer.stopped(shader, batch);
+    }
+    stop
 }
 
 /// Runs a batch until it stops. As a generic function, it is compiled in the crate that calls it:

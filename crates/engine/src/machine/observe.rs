@@ -21,8 +21,13 @@ pub trait Observer<const W: usize> {
         let _ = (shader, batch);
     }
 
-    /// A batch of a pipeline's shader begins to run, or goes on.
+    /// A batch of a pipeline's shader begins to run, or goes on after it stopped.
     fn resumed(&mut self, shader: ShaderIndex, batch: &mut Batch<W>) {
+        let _ = (shader, batch);
+    }
+
+    /// A batch of a pipeline's shader goes on where the observer paused it.
+    fn continued(&mut self, shader: ShaderIndex, batch: &mut Batch<W>) {
         let _ = (shader, batch);
     }
 
@@ -85,6 +90,10 @@ impl<const W: usize, O: Observer<W> + ?Sized> Observer<W> for &mut O {
         (**self).resumed(shader, batch);
     }
 
+    fn continued(&mut self, shader: ShaderIndex, batch: &mut Batch<W>) {
+        (**self).continued(shader, batch);
+    }
+
     fn stopped(&mut self, shader: ShaderIndex, batch: &Batch<W>) {
         (**self).stopped(shader, batch);
     }
@@ -124,6 +133,11 @@ impl<const W: usize, A: Observer<W>, B: Observer<W>> Observer<W> for (A, B) {
     fn resumed(&mut self, shader: ShaderIndex, batch: &mut Batch<W>) {
         self.0.resumed(shader, batch);
         self.1.resumed(shader, batch);
+    }
+
+    fn continued(&mut self, shader: ShaderIndex, batch: &mut Batch<W>) {
+        self.0.continued(shader, batch);
+        self.1.continued(shader, batch);
     }
 
     fn stopped(&mut self, shader: ShaderIndex, batch: &Batch<W>) {

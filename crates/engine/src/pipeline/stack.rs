@@ -264,12 +264,13 @@ where
                     let bindings = &self.bindings[running.shader.index()];
                     let stop = match &mut self.observer {
                         None => interp::run(&mut running.batch, program, bindings, &mut ()),
-                        Some(observer) => {
-                            observer.resumed(running.shader, &mut running.batch);
-                            let stop = interp::run(&mut running.batch, program, bindings, observer);
-                            observer.stopped(running.shader, &running.batch);
-                            stop
-                        }
+                        Some(observer) => interp::run_shader(
+                            running.shader,
+                            &mut running.batch,
+                            program,
+                            bindings,
+                            observer,
+                        ),
                     };
                     if let (Some(observer), Some(events)) =
                         (&mut self.pipeline_observer, &mut running.batch.queries.events)

@@ -494,13 +494,7 @@ where
     ) -> bool {
         let batch = &mut self.batch;
         loop {
-            if O::is_active() {
-                observers.observer.resumed(ShaderIndex(0), batch);
-            }
-            let stop = interp::run(batch, program, bindings, &mut observers.observer);
-            if O::is_active() {
-                observers.observer.stopped(ShaderIndex(0), batch);
-            }
+            let stop = interp::run_shader(ShaderIndex(0), batch, program, bindings, &mut observers.observer);
             if let (Some(on_event), Some(events)) = (&mut observers.on_event, &mut batch.queries.events) {
                 events.drain(..).for_each(|event| on_event(Event::RayQuery(event)));
             }

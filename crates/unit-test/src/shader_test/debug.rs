@@ -9,7 +9,7 @@ use anyhit_base::error::{Error, Result};
 use anyhit_debugger::console::transcript;
 use anyhit_debugger::debugger::Debugger;
 use anyhit_debugger::debugger::debuggee::{Debuggee, SavedState, StoppedShader, builtin_words, next_step};
-use anyhit_debugger::debugger::tracker::{Followed, Tracker};
+use anyhit_debugger::debugger::tracker::{DebugObservers, Followed};
 use anyhit_engine::interp;
 use anyhit_engine::machine::hit_object::HitObject;
 use anyhit_engine::machine::ray_query::RayQuery;
@@ -77,10 +77,8 @@ impl SteppedTest {
     }
 
     /// Runs to the next pause, or to the end, which may be an error.
-    fn run(&self, running: &mut RunningTest, tracker: &mut Tracker<'_>) -> Result<Resumed> {
-        let observer: &mut dyn Observer<1> = tracker;
+    fn run(&self, running: &mut RunningTest, observer: &mut dyn Observer<1>) -> Result<Resumed> {
         loop {
-            observer.resumed(ShaderIndex(0), &mut running.batch);
             let stop = interp::run_lane(
                 &mut running.batch,
                 &self.test.program,
@@ -92,17 +90,14 @@ impl SteppedTest {
                 Stop::Done => {
                     return self.test.trap(&running.batch).map_or(Ok(Resumed::Ended), Err);
                 }
-                stop => {
-                    observer.stopped(ShaderIndex(0), &running.batch);
-                    self.test.serve(running, stop)?;
-                }
+                stop => self.test.serve(running, stop)?,
             }
         }
     }
 }
 
 impl Debuggee for SteppedTest {
-    fn resume(&mut self, tracker: &mut Tracker<'_>, inbox: &RefCell<Vec<Event>>) -> Resumed {
+    fn resume(&mut self, observers: &mut DebugObservers<'_>, inbox: &RefCell<Vec<Event>>) -> Resumed {
         let mut running = match std::mem::replace(&mut self.state, State::Ended(None)) {
             State::Begins(running) => {
                 inbox.borrow_mut().extend(running.events.iter().cloned());
@@ -114,13 +109,14 @@ impl Debuggee for SteppedTest {
                 return Resumed::Ended;
             }
         };
-        let (state, resumed) = match self.run(&mut running, tracker) {
+        let run = observers.observe(&mut |observer| self.run(&mut running, observer));
+        let (state, resumed) = match run {
             Ok(Resumed::Paused) => (State::Runs(running), Resumed::Paused),
             Ok(Resumed::Ended) => (State::Ended(None), Resumed::Ended),
             Err(error) => (State::Ended(Some(error)), Resumed::Ended),
         };
         self.state = state;
-        tracker.take_events();
+        observers.tracker.take_events();
         resumed
     }
 

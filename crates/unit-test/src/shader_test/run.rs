@@ -51,13 +51,7 @@ impl ShaderTest {
         watch.begin_batch();
         running.batch.watch = Some(watch.clone());
         loop {
-            if let Some(observer) = &mut observer {
-                observer.resumed(ShaderIndex(0), &mut running.batch);
-            }
             let stop = interp::run_lane(&mut running.batch, program, &bindings, again(&mut observer));
-            if let Some(observer) = &mut observer {
-                observer.stopped(ShaderIndex(0), &running.batch);
-            }
             if let Stop::Done = stop {
                 break;
             }
