@@ -1,7 +1,7 @@
 //! The Rust interface.
 
 #[cfg(all(feature = "scenes", feature = "wgsl"))]
-mod conversions;
+pub mod conversions;
 mod device_buffers;
 mod examples;
 mod first_tests;

@@ -365,7 +365,7 @@ impl<const W: usize> Observer<W> for Tracker<'_> {
         self.running_lane(batch).is_some() && self.arrive(op, batch.frames().len())
     }
 
-    fn after(&mut self, batch: &mut Batch<W>, bindings: &Bindings, op: OpIndex) {
+    fn after(&mut self, batch: &mut Batch<W>, _: &Bindings, op: OpIndex) {
         // The step was counted before it was made.
         self.note_findings(batch, self.course.time.saturating_sub(1));
         if self.prints.is_some() {

@@ -6,4 +6,4 @@
 mod run;
 mod superop;
 
-pub use run::{run, run_lane};
+pub use run::{run, run_lane, run_shader};
