@@ -17,13 +17,14 @@ use anyhit_engine::machine::object::ObjectRef;
 use anyhit_engine::machine::{Batch, Bindings, BlockIndex, Exit, OpIndex, Reg};
 use anyhit_engine::module::interface::Stage;
 use anyhit_engine::ops::access::{Access, RegCopy};
+use anyhit_engine::ops::glsl::{self, parts};
 use anyhit_engine::ops::image::ImageOp;
 use anyhit_engine::ops::lane_kernel::LaneKernel;
 use anyhit_engine::ops::memory::{self, Chunk};
 use anyhit_engine::ops::op::Op;
 use anyhit_engine::ops::pointer::storage;
 use anyhit_engine::ops::shadow_op::{ScratchRegisters, ShadowOp};
-use anyhit_engine::ops::{ray_query, ray_tracing};
+use anyhit_engine::ops::{arithmetic, ray_query, ray_tracing};
 use anyhit_engine::pipeline::Event;
 use anyhit_engine::program::Terminator;
 
@@ -58,8 +59,8 @@ struct ShadowResult<'a> {
     value: f64,
     /// The greatest relative difference of an operand from its shadow.
     operand_error: f64,
-    /// The name of the kernel that computed it; empty for a copy of the operand.
-    name: &'a str,
+    /// The kernel that computed it; `None` for a copy of the operand.
+    kernel: Option<&'a LaneKernel>,
 }
 
 impl<'a> ShadowInterpreter<'a> {
@@ -131,10 +132,12 @@ impl<'a> ShadowInterpreter<'a> {
             }
             ShadowOp::Pack(width) => {
                 let value = frame.value(from[0], read(0)).unwrap_or_else(|| float(read(0), 32));
-                let value = match kernel.name {
-                    "Unorm8" | "Unorm16" => value.clamp(0.0, 1.0),
-                    "Snorm8" | "Snorm16" => value.clamp(-1.0, 1.0),
-                    _ => value,
+                let value = if kernel.is_one_of(&[&parts::Unorm8, &parts::Unorm16]) {
+                    value.clamp(0.0, 1.0)
+                } else if kernel.is_one_of(&[&parts::Snorm8, &parts::Snorm16]) {
+                    value.clamp(-1.0, 1.0)
+                } else {
+                    value
                 };
                 frame.invalidate(to, 1);
                 frame.pack(to, result, read(1) as u32 / width, value);
@@ -156,7 +159,7 @@ impl<'a> ShadowInterpreter<'a> {
                 let value = frame.value(from[0], read(0)).unwrap_or_else(|| float(read(0), width));
                 frame.set(to, Some(ShadowValue { bits: result, value }));
                 let error = relative_difference(float(read(0), width), value);
-                let shadow = ShadowResult { value, operand_error: error, name: "" };
+                let shadow = ShadowResult { value, operand_error: error, kernel: None };
                 self.compare(offset, kernel, result, to, shadow);
             }
             ShadowOp::Logical => {
@@ -191,7 +194,7 @@ impl<'a> ShadowInterpreter<'a> {
                 let value = self.scratch.run(wide, operands);
                 if !decides {
                     let value = f64::from_bits(value);
-                    let shadow = ShadowResult { value, operand_error: worst, name: wide.name };
+                    let shadow = ShadowResult { value, operand_error: worst, kernel: Some(wide) };
                     return self.compare(offset, kernel, result, to, shadow);
                 }
                 frame.set(to, Some(ShadowValue { bits: result, value: value as f64 }));
@@ -209,7 +212,7 @@ impl<'a> ShadowInterpreter<'a> {
 
     /// Compares a float result with its shadow.
     fn compare(&mut self, offset: u32, kernel: &LaneKernel, result: u64, to: Reg, shadow: ShadowResult<'_>) {
-        let ShadowResult { value, operand_error, name } = shadow;
+        let ShadowResult { value, operand_error, kernel: wide } = shadow;
         let own = float(result, kernel.float_result);
         let launch_id = self.launch_id;
         let comparable = own.is_finite() && value.is_finite();
@@ -230,8 +233,9 @@ impl<'a> ShadowInterpreter<'a> {
         if error > roundoff {
             let lost = (error / operand_error.max(roundoff)).log2();
             found.bits_lost = found.bits_lost.max(lost);
-            let sums = ["FAdd", "FSub", "Fma", "FmaKHR", "FMix"].contains(&name);
-            found.cancellations += u64::from(sums && lost > CANCELLATION_BITS);
+            let sums = [&arithmetic::FAdd, &arithmetic::FSub, &glsl::Fma, &arithmetic::FmaKHR, &glsl::FMix];
+            let is_sum = wide.is_some_and(|kernel| kernel.is_one_of(&sums));
+            found.cancellations += u64::from(is_sum && lost > CANCELLATION_BITS);
         }
     }
 

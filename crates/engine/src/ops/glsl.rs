@@ -6,7 +6,7 @@
 use half::f16;
 
 use crate::math::float::Float;
-use crate::ops::lane_kernel::lane_kernels;
+use crate::ops::lane_kernel::{LaneKernel, OpFamily, lane_kernels};
 
 lane_kernels! {
     Round Glsl [f16 f32 f64] (a: T) -> T { Float::round(a) }
@@ -114,6 +114,18 @@ pub mod parts {
         FromUnorm16 Internal [u32] (a: u32, shift: u32) -> f32 { f32::from((a >> shift) as u16) / 65535.0 }
         FromHalf Internal [u32] (a: u32, shift: u32) -> f32 { f16::from_bits((a >> shift) as u16).to_f32() }
     }
+}
+
+/// The two functions of a clamp: the first of the value and the lower bound, the second of that and
+/// the upper one; `None` for other kernels.
+pub fn clamp_parts(kernel: &LaneKernel) -> Option<[&'static OpFamily; 2]> {
+    let clamps: [(&OpFamily, [&'static OpFamily; 2]); 4] = [
+        (&FClamp, [&FMax, &FMin]),
+        (&NClamp, [&NMax, &NMin]),
+        (&UClamp, [&UMax, &UMin]),
+        (&SClamp, [&SMax, &SMin]),
+    ];
+    clamps.into_iter().find(|(clamp, _)| kernel.is(clamp)).map(|(_, parts)| parts)
 }
 
 #[cfg(test)]

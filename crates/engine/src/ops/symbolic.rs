@@ -136,14 +136,8 @@ impl ValueTable {
     ) -> ValueNumber {
         let (mut kernel, mut operands) = (kernel, Values::from_slice(operands));
         // A clamp is a minimum of a maximum.
-        let clamp = match kernel.name {
-            "FClamp" => Some((&glsl::FMax, &glsl::FMin)),
-            "NClamp" => Some((&glsl::NMax, &glsl::NMin)),
-            "UClamp" => Some((&glsl::UMax, &glsl::UMin)),
-            "SClamp" => Some((&glsl::SMax, &glsl::SMin)),
-            _ => None,
-        };
-        if let (Some((lower, upper)), 1, [a, low, high]) = (clamp, kernel.words, &operands[..])
+        if let (Some([lower, upper]), 1, [a, low, high]) =
+            (glsl::clamp_parts(kernel), kernel.words, &operands[..])
             && let (Some(lower), Some(upper)) = (lower.kernel(kernel.width), upper.kernel(kernel.width))
         {
             let (low, high) = ([*a, *low], *high);

@@ -7,6 +7,7 @@ use rustc_hash::FxHashMap;
 
 use crate::machine::Reg;
 use crate::math::array;
+use crate::ops::glsl;
 use crate::ops::lane_kernel::LaneKernel;
 use crate::ops::op::Op;
 use crate::ops::superop::function::{Function, PairShape, has_operand, opcode};
@@ -30,19 +31,7 @@ impl ResultUse {
 /// Whether an operation reads an operand as a float of 32 bits, so that it treats all NaNs alike.
 pub fn takes_float(kernel: &'static LaneKernel, operand: usize) -> bool {
     // PackHalf2x16 keeps as many bits of a NaN's payload as fit.
-    kernel.float_operands[operand] == 32 && kernel.name != "Half"
-}
-
-/// The two functions of a clamp: the first of the value and the lower bound, the second of that and
-/// the upper one.
-fn clamp(kernel: &'static LaneKernel) -> Option<[Function; 2]> {
-    Some(match (kernel.name, kernel.width) {
-        ("FClamp", 32) => [Function::FMax, Function::FMin],
-        ("NClamp", 32) => [Function::NMax, Function::NMin],
-        ("UClamp", 32) => [Function::UMax, Function::UMin],
-        ("SClamp", 32) => [Function::SMax, Function::SMin],
-        _ => return None,
-    })
+    kernel.float_operands[operand] == 32 && !kernel.is(&glsl::parts::Half)
 }
 
 /// What a lane kernel computes, if it has an opcode or is a clamp.
@@ -54,14 +43,15 @@ enum KnownFunction {
 
 fn known_function(kernel: &'static LaneKernel) -> Option<KnownFunction> {
     static KNOWN: LazyLock<FxHashMap<usize, KnownFunction>> = LazyLock::new(|| {
-        let clamps = crate::ops::glsl::FAMILIES.iter().flat_map(|family| family.kernels);
-        let clamps =
-            clamps.filter_map(|kernel| Some((address(kernel), KnownFunction::Clamp(clamp(kernel)?))));
-        let kernels = Function::kernels().into_iter();
-        kernels
-            .map(|(kernel, function)| (address(kernel), KnownFunction::Single(function)))
-            .chain(clamps)
-            .collect()
+        let single: FxHashMap<usize, Function> =
+            Function::kernels().into_iter().map(|(kernel, function)| (address(kernel), function)).collect();
+        let clamp = |kernel: &'static LaneKernel| {
+            let [lower, upper] = glsl::clamp_parts(kernel)?
+                .map(|part| single.get(&address(part.kernel(kernel.width)?)).copied());
+            Some((address(kernel), KnownFunction::Clamp([lower?, upper?])))
+        };
+        let clamps = glsl::FAMILIES.iter().flat_map(|family| family.kernels).filter_map(clamp);
+        single.iter().map(|(&at, &function)| (at, KnownFunction::Single(function))).chain(clamps).collect()
     });
     KNOWN.get(&address(kernel)).copied()
 }
