@@ -108,6 +108,12 @@ Exit codes:
 struct CommandLine {
     #[command(subcommand)]
     command: Command,
+
+    /// When to colour output; on terminals by default, unless the variables NO_COLOR, CLICOLOR or
+    /// TERM disable it
+    // Its value is read before the rest is parsed.
+    #[arg(long, global = true, value_name = "WHEN", default_value = "auto", help_heading = "Output")]
+    color: output::ColorArg,
 }
 
 /// The possible numbers of lanes of a batch; results do not depend on the number.
@@ -121,6 +127,7 @@ fn batch_widths() -> impl TypedValueParser<Value = BatchWidth> {
 /// It handles signals of the whole process, and so is for a program that does nothing else.
 pub fn main() -> ExitCode {
     interrupt::prepare();
+    output::choose_colours(std::env::args_os());
     let run = match CommandLine::try_parse().map_err(|error| in_escapes(error, std::env::args_os())) {
         Ok(line) => line.command.run(),
         Err(error) => match output::command_line(&error) {

@@ -1,10 +1,14 @@
 //! Standard output, standard error and the names of written files.
 
+use std::ffi::OsString;
 use std::fmt::Display;
-use std::io::{ErrorKind, IsTerminal, Write, stderr, stdout};
+use std::io::{ErrorKind, Write, stderr, stdout};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use anstream::stream::RawStream;
+use anstream::{AutoStream, ColorChoice};
+use clap::ValueEnum;
 use clap::builder::{PathBufValueParser, TypedValueParser};
 
 use anyhit_base::error::{Error, ErrorReport, Result, Warning};
@@ -20,7 +24,7 @@ use anyhit_scene::image::PictureKind;
 /// # Errors
 /// `Io` where standard output cannot be written for another reason, a full disk say.
 pub(super) fn print(text: impl Display) -> Result<()> {
-    let styled = if is_claimed() { stderr().is_terminal() } else { stdout().is_terminal() };
+    let styled = if is_claimed() { is_coloured(&stderr()) } else { is_coloured(&stdout()) };
     write_report(&escape::text(&text.to_string(), styled))
 }
 
@@ -99,7 +103,7 @@ pub(super) fn printed(printed: &Printed) -> Result<bool> {
     for line in &lines {
         let end = if line.text.ends_with('\n') { "" } else { "\n" };
         let text = format!("{}{end}", line.text);
-        write_report(&escape::text(&text, !is_claimed() && stdout().is_terminal()))?;
+        write_report(&escape::text(&text, !is_claimed() && is_coloured(&stdout())))?;
     }
     Ok(!lines.is_empty())
 }
@@ -144,12 +148,44 @@ pub(super) fn picture_parser() -> impl TypedValueParser<Value = PathBuf> {
     PathBufValueParser::new().try_map(picture_file)
 }
 
-/// Whether the user wants no colours, wherever output goes: `NO_COLOR` is set.
-pub(super) fn is_plain() -> bool {
-    std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty())
+/// When output is coloured.
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+pub(super) enum ColorArg {
+    /// On terminals, except where `NO_COLOR`, `CLICOLOR` or `TERM` say otherwise.
+    Auto,
+    /// Always.
+    Always,
+    /// Never.
+    Never,
 }
 
-/// Prints an error to standard error, in colour where that is a terminal and `NO_COLOR` is not set.
+/// Sets when output is coloured, for all streams and for clap's answers, as the last `--color` of a
+/// command line asks. It comes before clap parses the line, which may answer with colours itself.
+pub(super) fn choose_colours(arguments: impl Iterator<Item = OsString>) {
+    let mut choice = ColorChoice::Auto;
+    let mut is_value = false;
+    for argument in arguments {
+        let argument = argument.to_string_lossy();
+        let value = if is_value { Some(&*argument) } else { argument.strip_prefix("--color=") };
+        match value.and_then(|value| ColorArg::from_str(value, false).ok()) {
+            Some(ColorArg::Auto) => choice = ColorChoice::Auto,
+            Some(ColorArg::Always) => choice = ColorChoice::Always,
+            Some(ColorArg::Never) => choice = ColorChoice::Never,
+            None if argument == "--" => break,
+            None => {}
+        }
+        is_value = !is_value && argument == "--color";
+    }
+    choice.write_global();
+}
+
+/// Returns whether output to a stream is coloured: as `--color` asks, else on terminals, following
+/// `NO_COLOR`, `CLICOLOR`, `CLICOLOR_FORCE` and `TERM` (<https://bixense.com/clicolors>).
+pub(super) fn is_coloured(stream: &impl RawStream) -> bool {
+    AutoStream::choice(stream) != ColorChoice::Never
+}
+
+/// Prints an error to standard error, in colour where [`is_coloured`] says so.
 pub(super) fn report(error: &Error) {
     let is_helped = error.notes().iter().any(|note| note.starts_with("help: "));
     let error = match error.kind() {
@@ -158,7 +194,7 @@ pub(super) fn report(error: &Error) {
         }
         _ => error,
     };
-    let styled = !is_plain() && stderr().is_terminal();
+    let styled = is_coloured(&stderr());
     let text = if styled { error.render_coloured() } else { error.render() };
     // There is no other stream to report that standard error cannot be written.
     let _ = stderr().lock().write_all(text.as_bytes());

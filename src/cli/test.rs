@@ -1,6 +1,6 @@
 //! `anyhit test`: runs the test cases of folders and files.
 
-use std::io::{IsTerminal, stdout};
+use std::io::stdout;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -242,7 +242,7 @@ fn whole(
 }
 
 fn execute(args: &TestArgs, suite: &Suite, known: Option<String>) -> Result<SuiteResult> {
-    let colour = !output::is_plain() && args.format == ReportFormat::Plain && stdout().is_terminal();
+    let colour = args.format == ReportFormat::Plain && output::is_coloured(&stdout());
     let options = SuiteOptions {
         jobs: args.jobs.map_or(0, usize::from),
         all_widths: args.all_widths,

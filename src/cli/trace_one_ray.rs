@@ -1,6 +1,6 @@
 //! `anyhit trace-one-ray`: explains what a ray met and which shaders it called.
 
-use std::io::{IsTerminal, stdout};
+use std::io::stdout;
 use std::mem::ManuallyDrop;
 use std::path::{Path, PathBuf};
 
@@ -170,7 +170,7 @@ fn trace(args: TraceOneRayArgs) -> Result<Option<Error>> {
             args.many_seeds.run_one(&args.sanitize, &args.stability, scene, assembled, &resolved, command)?;
         return Ok(args.sanitize.run_one(scene, assembled, &resolved, drawn).err());
     }
-    let colour = !output::is_plain() && stdout().is_terminal();
+    let colour = output::is_coloured(&stdout());
     if args.interactive {
         args.debug(&session, &request, colour)?;
         return Ok(None);

@@ -43,6 +43,38 @@ fn exit_codes_and_streams() {
     assert!(!err.contains('\u{1b}'), "no colour where no terminal is: {err}");
 }
 
+/// The rule of <https://bixense.com/clicolors> and <https://no-color.org>, for errors, explanations and
+/// clap's answers, none of which goes to a terminal here.
+#[test]
+fn one_rule_decides_on_colours() {
+    const SCENE: &str = "tests/debugger/trace-one-ray/sphere.toml";
+    let commands: [&[&str]; 4] =
+        [&["inspect", "no/such.spv"], &["trace-one-ray", SCENE], &["inspct"], &["inspect", "--help"]];
+    let is_coloured = |arguments: &[&str], variables: &[(&str, &str)]| {
+        let mut command = anyhit(arguments);
+        for variable in ["NO_COLOR", "CLICOLOR", "CLICOLOR_FORCE"] {
+            command.env_remove(variable);
+        }
+        let Output { stdout, stderr, .. } =
+            command.envs(variables.iter().copied()).output().expect("the command starts");
+        stdout.contains(&0x1b) || stderr.contains(&0x1b)
+    };
+    for command in commands {
+        let with = |more: &[&'static str]| [command, more].concat();
+        let forced = [("CLICOLOR_FORCE", "1")];
+        assert!(!is_coloured(command, &[]), "{command:?}");
+        assert!(is_coloured(command, &forced), "{command:?}");
+        assert!(!is_coloured(command, &[("CLICOLOR_FORCE", "1"), ("NO_COLOR", "1")]), "{command:?}");
+        assert!(is_coloured(&with(&["--color=always"]), &[("NO_COLOR", "1")]), "{command:?}");
+        assert!(is_coloured(&with(&["--color", "always"]), &[]), "{command:?}");
+        assert!(!is_coloured(&with(&["--color", "never"]), &forced), "{command:?}");
+        assert!(is_coloured(&with(&["--color", "auto"]), &forced), "{command:?}");
+    }
+    let (code, _, err) = run(&["inspect", GRASS, "--color", "sometimes"]);
+    assert_eq!(code, Some(2));
+    assert!(err.contains("[possible values: auto, always, never]"), "{err}");
+}
+
 #[test]
 fn inspect_lists_what_a_module_declares() {
     let (code, out, _) = run(&["inspect", "--json", GRASS]);

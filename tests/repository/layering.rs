@@ -1,7 +1,7 @@
 //! The modules of a crate import one way only; between crates Cargo sees to that.
 //!
 //! The engine has the layers `pipeline -> interp -> program -> reflect -> ops -> {module, machine
-//! -> accel} -> geometry -> math`, the base `{input, atomic_file} -> error -> {escape, sorted}`: a
+//! -> accel} -> geometry -> math`, the base `{input, atomic_file} -> error -> {escape, sorted, style}`: a
 //! module may import what stands to its right. A few crates of others are named in one place only,
 //! readers of files in one file, files are written in one place, and only the command line prints.
 
@@ -26,7 +26,7 @@ const LAYERS: &[(&str, &[&[&str]])] = &[
             &["math"],
         ],
     ),
-    ("base", &[&["input", "atomic_file"], &["error"], &["escape", "sorted"]]),
+    ("base", &[&["input", "atomic_file"], &["error"], &["escape", "sorted", "style"]]),
 ];
 
 /// Crates of others, and what may name them: a module of a crate with layers, else one of our

@@ -23,7 +23,8 @@ use crate::escape;
 
 use codespan_reporting::diagnostic::{Diagnostic, Label, LabelStyle, Severity};
 use codespan_reporting::files::SimpleFile;
-use codespan_reporting::term::{self, termcolor};
+use codespan_reporting::term::termcolor::{self, Color, ColorSpec};
+use codespan_reporting::term::{self, Styles, StylesWriter, WriteStyle};
 use serde::{Deserialize, Serialize};
 
 pub use report::{ErrorClass, ErrorReport};
@@ -403,8 +404,9 @@ impl Error {
     /// ```
     #[must_use]
     pub fn render(&self) -> String {
+        let styles = Styles::no_color();
         let mut writer = termcolor::NoColor::new(Vec::new());
-        self.render_to(&mut writer);
+        self.render_to(&mut StylesWriter::new(&mut writer, &styles));
         // Lines of sources are shown as well.
         escape::text(&String::from_utf8_lossy(&writer.into_inner()), false).into_owned()
     }
@@ -412,12 +414,13 @@ impl Error {
     /// The whole report with the escape sequences of ANSI terminals for colour.
     #[must_use]
     pub fn render_coloured(&self) -> String {
+        let styles = styles();
         let mut writer = termcolor::Ansi::new(Vec::new());
-        self.render_to(&mut writer);
+        self.render_to(&mut StylesWriter::new(&mut writer, &styles));
         escape::text(&String::from_utf8_lossy(&writer.into_inner()), true).into_owned()
     }
 
-    fn render_to(&self, writer: &mut impl termcolor::WriteColor) {
+    fn render_to(&self, writer: &mut (impl WriteStyle + io::Write)) {
         self.render_one(writer);
         for other in &self.0.others {
             // Writing to a vector does not fail.
@@ -430,7 +433,7 @@ impl Error {
         }
     }
 
-    fn render_one(&self, writer: &mut impl termcolor::WriteColor) {
+    fn render_one(&self, writer: &mut (impl WriteStyle + io::Write)) {
         let mut notes = Vec::new();
         let mut labels = Vec::new();
         let mut file = SimpleFile::new(String::new(), Arc::<str>::from(""));
@@ -477,6 +480,30 @@ impl Error {
         if term::emit_to_write_style(writer, &config, &file, &diagnostic).is_err() {
             let _ = writeln!(writer, "error: {}", self.0.message);
         }
+    }
+}
+
+/// The styles of the parts of a report.
+fn styles() -> Styles {
+    let spec = |style: Style, is_bold: bool| {
+        let mut spec = ColorSpec::new();
+        spec.set_fg(style.colour().map(Color::Ansi256)).set_bold(is_bold);
+        spec
+    };
+    let (bad, warning, name) = (Style::Bad, Style::Warning, Style::Name);
+    Styles {
+        header_bug: spec(bad, true),
+        header_error: spec(bad, true),
+        header_warning: spec(warning, true),
+        header_message: spec(Style::Strong, true),
+        primary_label_bug: spec(bad, false),
+        primary_label_error: spec(bad, false),
+        primary_label_warning: spec(warning, false),
+        secondary_label: spec(name, false),
+        line_number: spec(name, false),
+        source_border: spec(name, false),
+        note_bullet: spec(name, false),
+        ..Styles::no_color()
     }
 }
 

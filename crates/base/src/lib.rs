@@ -17,3 +17,4 @@ pub mod error;
 pub mod escape;
 pub mod input;
 pub mod sorted;
+pub mod style;

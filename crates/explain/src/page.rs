@@ -3,21 +3,7 @@
 use std::fmt::Display;
 
 use anyhit_base::escape;
-
-/// The role of a piece of text; a terminal shows it by colour.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum TextStyle {
-    /// A heading.
-    Heading,
-    /// A name.
-    Name,
-    /// Something accepted.
-    Kept,
-    /// Something rejected, or of less interest.
-    Dim,
-    /// A trap.
-    Trap,
-}
+use anyhit_base::style::Style;
 
 /// Most guides before a line. Of more, lines have the number instead: otherwise the text of rays
 /// within each other grows with the square of their depth.
@@ -43,18 +29,8 @@ impl Page {
     }
 
     /// A piece of text with the escapes of a style, if the page is coloured.
-    pub fn styled(&self, style: TextStyle, text: impl Display) -> String {
-        if !self.colour {
-            return text.to_string();
-        }
-        let code = match style {
-            TextStyle::Heading => "1;36",
-            TextStyle::Name => "33",
-            TextStyle::Kept => "32",
-            TextStyle::Dim => "2",
-            TextStyle::Trap => "1;31",
-        };
-        format!("\u{1b}[{code}m{text}\u{1b}[0m")
+    pub fn styled(&self, style: Style, text: impl Display) -> String {
+        style.paint(&text.to_string(), self.colour)
     }
 
     /// Writes a line. Line feeds and other hidden characters in it are escapes.
@@ -82,7 +58,7 @@ impl Page {
         for (label, text) in rows {
             let label = label.as_ref();
             let pad = " ".repeat(width - label.chars().count());
-            self.line(format_args!("{}{pad}  {text}", self.styled(TextStyle::Name, label)));
+            self.line(format_args!("{}{pad}  {text}", self.styled(Style::Name, label)));
         }
     }
 
@@ -104,7 +80,7 @@ impl Page {
     }
 
     fn styled_guides(&self, guides: &str) -> String {
-        if guides.trim().is_empty() { guides.to_owned() } else { self.styled(TextStyle::Dim, guides) }
+        if guides.trim().is_empty() { guides.to_owned() } else { self.styled(Style::Faint, guides) }
     }
 }
 
@@ -166,12 +142,12 @@ mod tests {
     fn colour_changes_no_letter() {
         let text = |colour| {
             let mut page = Page::new(colour);
-            let text = page.styled(TextStyle::Kept, "kept");
+            let text = page.styled(Style::Good, "kept");
             page.line(text);
             page.nested("| ", Page::blank_line);
             page.finish()
         };
-        assert_eq!(text(true), "\u{1b}[32mkept\u{1b}[0m\n\u{1b}[2m|\u{1b}[0m\n");
+        assert_eq!(text(true), "\u{1b}[38;5;29mkept\u{1b}[0m\n\u{1b}[38;5;243m|\u{1b}[0m\n");
         assert_eq!(text(false), "kept\n|\n");
     }
 }

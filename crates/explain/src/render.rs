@@ -7,11 +7,12 @@ mod query;
 mod shader;
 mod words;
 
-use crate::page::{Page, TextStyle, with_plural, with_thousands_separators};
+use crate::page::{Page, with_plural, with_thousands_separators};
 use crate::transcript::{
     ChangeLocation, Decision, DispatchIndex, Hint, HitReport, MemoryChange, RecordChoice, ShaderRun, Step,
     Trace, Transcript, Traversal,
 };
+use anyhit_base::style::Style;
 
 pub use parts::{PageFilter, parts};
 
@@ -160,10 +161,10 @@ impl<'a> Writer<'a> {
             Step::Shader(run) => self.shader(run),
             Step::Report { t, hit_kind, accepted } => {
                 let answer = if *accepted {
-                    self.page.styled(TextStyle::Kept, "accepted")
+                    self.page.styled(Style::Good, "accepted")
                 } else {
                     self.page.styled(
-                        TextStyle::Dim,
+                        Style::Faint,
                         "not accepted: outside the interval, behind a closer hit, or ignored by any-hit",
                     )
                 };
@@ -173,7 +174,7 @@ impl<'a> Writer<'a> {
     }
 
     fn trace(&mut self, trace: &Trace) {
-        let head = self.page.styled(TextStyle::Heading, format_args!("ray at depth {}", trace.depth));
+        let head = self.page.styled(Style::Heading, format_args!("ray at depth {}", trace.depth));
         self.page.line(format_args!("{head}{}", source_suffix(trace.traversal.called_at.as_ref(), "traced")));
         let outer = std::mem::replace(&mut self.depth, trace.depth);
         self.nested("│ ", |writer| writer.trace_body(trace));
@@ -196,7 +197,7 @@ impl<'a> Writer<'a> {
         self.page.blank_line();
         match (&trace.hit, &trace.record) {
             (_, None) => {
-                let text = self.page.styled(TextStyle::Trap, "a trap ended the ray");
+                let text = self.page.styled(Style::Bad, "a trap ended the ray");
                 self.page.line(text);
                 return;
             }
@@ -205,7 +206,7 @@ impl<'a> Writer<'a> {
                 self.record(record, trace.shader.as_deref());
             }
             (None, Some(record)) => {
-                let head = self.page.styled(TextStyle::Heading, "miss");
+                let head = self.page.styled(Style::Heading, "miss");
                 self.page.line(head);
                 self.record(record, trace.shader.as_deref());
             }
@@ -226,7 +227,7 @@ impl<'a> Writer<'a> {
 
     fn decision(&mut self, decision: &Decision) {
         let Decision { instance, geometry, primitive, t, is_box, record, shader } = decision;
-        let head = self.page.styled(TextStyle::Heading, if *is_box { "box" } else { "candidate" });
+        let head = self.page.styled(Style::Heading, if *is_box { "box" } else { "candidate" });
         let at = if *is_box { "entered at" } else { "at" };
         self.page.line(format_args!(
             "{head}  instance {instance}, geometry {geometry}, primitive {primitive}, {at} t {t}"
@@ -242,7 +243,7 @@ impl<'a> Writer<'a> {
     }
 
     fn hit(&mut self, hit: &HitReport) {
-        let head = self.page.styled(TextStyle::Heading, "hit");
+        let head = self.page.styled(Style::Heading, "hit");
         let name = hit.geometry_name.as_ref().map_or_else(String::new, |name| format!(" `{name}`"));
         self.page.line(format_args!(
             "{head}  instance {} (custom index {}), geometry {}{name}, primitive {}",
@@ -295,7 +296,7 @@ impl<'a> Writer<'a> {
     }
 
     fn result(&mut self, transcript: &Transcript) {
-        let head = self.page.styled(TextStyle::Heading, "result");
+        let head = self.page.styled(Style::Heading, "result");
         self.page.line(head);
         for write in transcript.writes.iter().take(MAX_WRITES) {
             self.write(write);
@@ -317,7 +318,7 @@ impl<'a> Writer<'a> {
             if shaders.is_empty() { "none".to_owned() } else { shaders.join(", ") }
         ));
         if let Some(trap) = &transcript.trap {
-            let text = self.page.styled(TextStyle::Trap, format_args!("trap: {}", trap.message));
+            let text = self.page.styled(Style::Bad, format_args!("trap: {}", trap.message));
             self.page.line(format_args!("  {text}"));
         }
     }
@@ -334,7 +335,7 @@ impl<'a> Writer<'a> {
         } else {
             change(&write.before, &write.after)
         };
-        let name = self.page.styled(TextStyle::Name, &write.resource);
+        let name = self.page.styled(Style::Name, &write.resource);
         let place = match (write.set, write.binding) {
             (Some(set), Some(binding)) => format!(" (set {set}, binding {binding})"),
             _ => String::new(),

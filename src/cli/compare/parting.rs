@@ -7,7 +7,8 @@ use std::collections::{HashMap, HashSet};
 
 use serde_json::Value;
 
-use anyhit_explain::page::{Page, TextStyle};
+use anyhit_base::style::Style;
+use anyhit_explain::page::Page;
 
 /// A place where two runs differ.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -440,7 +441,7 @@ pub(in crate::cli) fn text(first: &Value, second: &Value, names: [&str; 2], colo
     match &value {
         None => {
             page.blank_line();
-            page.line(page.styled(TextStyle::Heading, "no difference"));
+            page.line(page.styled(Style::Heading, "no difference"));
         }
         Some(value) => {
             difference(&mut page, "the first value that differs", value);
@@ -456,7 +457,7 @@ pub(in crate::cli) fn text(first: &Value, second: &Value, names: [&str; 2], colo
     }
     for (name, run) in ["A", "B"].into_iter().zip([first, second]) {
         page.blank_line();
-        page.line(page.styled(TextStyle::Heading, format_args!("outcome of {name}")));
+        page.line(page.styled(Style::Heading, format_args!("outcome of {name}")));
         let line = |line: &Value| (format!("  {}", show(&line["about"])), show(&line["text"]));
         page.rows(run["summary"].as_array().into_iter().flatten().map(line));
     }
@@ -465,7 +466,7 @@ pub(in crate::cli) fn text(first: &Value, second: &Value, names: [&str; 2], colo
 
 fn difference(page: &mut Page, title: &str, difference: &RunDifference) {
     page.blank_line();
-    page.line(page.styled(TextStyle::Heading, title));
+    page.line(page.styled(Style::Heading, title));
     page.nested("  ", |page| {
         if !difference.path.is_empty() {
             page.line(format_args!("in {}", difference.path.join(" > ")));

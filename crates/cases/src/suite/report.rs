@@ -10,6 +10,7 @@ use crate::suite::{Ended, Finished, Outcome, SuiteResult, TestFailure};
 use anyhit_base::error::{Error, Place};
 use anyhit_base::escape;
 use anyhit_base::sorted::json_object;
+use anyhit_base::style::Style;
 
 /// The version of the JSON.
 const VERSION: u32 = 1;
@@ -19,17 +20,13 @@ const NAMED: usize = 12;
 
 /// A test that has run, as lines: its name and outcome, and beneath a failure all about it.
 pub fn text(finished: &Finished, colour: bool) -> String {
-    let ink = |code: &str, text: &str| match colour {
-        true => format!("\u{1b}[{code}m{text}\u{1b}[0m"),
-        false => text.to_owned(),
-    };
     let word = finished.outcome.ended().word();
-    let code = match &finished.outcome {
-        Outcome::Passed => "32",
-        Outcome::KnownFailure(_) | Outcome::Renewed => "33",
-        Outcome::Failed(_) | Outcome::Broken(_) => "1;31",
+    let style = match &finished.outcome {
+        Outcome::Passed => Style::Good,
+        Outcome::KnownFailure(_) | Outcome::Renewed => Style::Warning,
+        Outcome::Failed(_) | Outcome::Broken(_) => Style::Bad,
     };
-    let mut out = format!("{}  {}", ink(code, word), finished.name);
+    let mut out = format!("{}  {}", style.paint(word, colour), finished.name);
     match &finished.outcome {
         Outcome::Passed | Outcome::Renewed => out.push('\n'),
         Outcome::KnownFailure(why) => {

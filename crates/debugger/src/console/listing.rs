@@ -2,6 +2,8 @@
 
 use std::fmt::Write as _;
 
+use anyhit_base::style::Style;
+
 use crate::debugger::{SourceMap, SourcePosition, StackFrame};
 
 /// How many lines a listing shows before and after the one that it is about.
@@ -18,18 +20,10 @@ impl Listing {
         Self { colours }
     }
 
-    /// A text with a style of ANSI escape sequences, where there are colours.
-    fn styled(self, style: &str, text: &str) -> String {
-        match self.colours {
-            true => format!("\x1b[{style}m{text}\x1b[0m"),
-            false => text.to_owned(),
-        }
-    }
-
     /// A frame in a line: its function, place and shader.
     pub(super) fn frame(self, sources: &SourceMap, frame: &StackFrame) -> String {
         let place = frame.position.map_or_else(|| "?".to_owned(), |at| sources.describe(at));
-        let function = self.styled("1", &frame.source.function);
+        let function = Style::Strong.paint(&frame.source.function, self.colours);
         format!("{function} at {place}  {} `{}`", frame.stage.name(), frame.entry_point)
     }
 
@@ -42,7 +36,7 @@ impl Listing {
                 false => sources.text(position).map(str::to_owned),
             };
             if let Some(line) = line {
-                let number = self.styled("33", &format!("{:>5}", position.line));
+                let number = Style::Name.paint(&format!("{:>5}", position.line), self.colours);
                 let _ = writeln!(text, "{number}  {line}");
             }
         }
@@ -66,8 +60,8 @@ impl Listing {
         {
             let is_current = current == Some(SourcePosition { file: position.file, line: number });
             let mark = if is_current { ">" } else { " " };
-            let shown = self.styled("33", &format!("{number:>5}"));
-            let line = if is_current { self.styled("1", line) } else { line.to_owned() };
+            let shown = Style::Name.paint(&format!("{number:>5}"), self.colours);
+            let line = if is_current { Style::Strong.paint(line, self.colours) } else { line.to_owned() };
             let _ = writeln!(text, "{}", format!("{mark}{shown}  {line}").trim_end());
         }
         Ok(text)

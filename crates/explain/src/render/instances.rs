@@ -1,9 +1,10 @@
 //! Renders what a traversal reached: instances and primitives.
 
-use crate::page::{TextStyle, with_plural, with_thousands_separators};
+use crate::page::{with_plural, with_thousands_separators};
 use crate::render::{TraversalView, Writer};
 use crate::transcript::{InstanceOutcome, InstanceReport, PrimitiveOutcome, PrimitiveReport, Traversal};
 use anyhit_base::sorted::{SortedMap, sort_by};
+use anyhit_base::style::Style;
 use anyhit_engine::reflect::value::FloatValue;
 
 /// The number of an instance's primitives, nearest first, that are shown unless all are wanted.
@@ -35,7 +36,7 @@ impl Writer<'_> {
         }
         for (what, count) in rest {
             let line = format!("{} more: {what}", with_plural(count, "instance"));
-            let line = self.page.styled(TextStyle::Dim, line);
+            let line = self.page.styled(Style::Faint, line);
             self.page.line(line);
         }
     }
@@ -51,22 +52,22 @@ impl Writer<'_> {
             count => format!("{} {kind}", with_thousands_separators(count as u64)),
         };
         let verdict = match instance.verdict {
-            InstanceOutcome::Entered => self.page.styled(TextStyle::Kept, "entered"),
+            InstanceOutcome::Entered => self.page.styled(Style::Good, "entered"),
             InstanceOutcome::Masked => {
                 let text = "dropped: its mask and the ray's cull mask share no bit";
-                self.page.styled(TextStyle::Dim, text)
+                self.page.styled(Style::Faint, text)
             }
             InstanceOutcome::Skipped => {
                 let boxes = instance.primitive_kind.as_deref().is_some_and(|kind| kind.contains("AABB"));
                 let flag = if boxes { "SkipAABBsKHR" } else { "SkipTrianglesKHR" };
-                self.page.styled(TextStyle::Dim, format_args!("dropped: the ray's flag {flag} skips {kind}"))
+                self.page.styled(Style::Faint, format_args!("dropped: the ray's flag {flag} skips {kind}"))
             }
             InstanceOutcome::MissedBox => self.page.styled(
-                TextStyle::Dim,
+                Style::Faint,
                 "dropped: the ray misses its bounding box, or hits it outside the interval",
             ),
             InstanceOutcome::NotReached => self.page.styled(
-                TextStyle::Dim,
+                Style::Faint,
                 "not reached: its bounding box is missed or behind a hit, or traversal ended before",
             ),
         };
@@ -108,8 +109,7 @@ impl Writer<'_> {
             self.primitive(one, hit == Some(primitive), is_decided);
         }
         if left > 0 {
-            let text =
-                self.page.styled(TextStyle::Dim, format_args!("... {left} farther (--all shows them)"));
+            let text = self.page.styled(Style::Faint, format_args!("... {left} farther (--all shows them)"));
             self.page.line(format_args!("    {text}"));
         }
     }
@@ -121,35 +121,33 @@ impl Writer<'_> {
             _ => String::new(),
         };
         let verdict = match one.verdict {
-            PrimitiveOutcome::Opaque if is_hit => {
-                self.page.styled(TextStyle::Kept, "opaque hit, the closest")
-            }
+            PrimitiveOutcome::Opaque if is_hit => self.page.styled(Style::Good, "opaque hit, the closest"),
             PrimitiveOutcome::Opaque => {
-                self.page.styled(TextStyle::Dim, "opaque hit, then a closer one was found")
+                self.page.styled(Style::Faint, "opaque hit, then a closer one was found")
             }
             PrimitiveOutcome::Candidate if is_decided => {
-                self.page.styled(TextStyle::Kept, "candidate, see below")
+                self.page.styled(Style::Good, "candidate, see below")
             }
             PrimitiveOutcome::Candidate => {
-                self.page.styled(TextStyle::Dim, "candidate, not evaluated: a closer hit ended traversal")
+                self.page.styled(Style::Faint, "candidate, not evaluated: a closer hit ended traversal")
             }
             PrimitiveOutcome::Behind => {
                 let behind = one.behind.map_or_else(String::new, |t| format!(" at t {t}"));
-                self.page.styled(TextStyle::Dim, format_args!("dropped: behind a closer hit{behind}"))
+                self.page.styled(Style::Faint, format_args!("dropped: behind a closer hit{behind}"))
             }
             PrimitiveOutcome::OutsideInterval => {
-                self.page.styled(TextStyle::Dim, "dropped: outside the interval")
+                self.page.styled(Style::Faint, "dropped: outside the interval")
             }
             PrimitiveOutcome::Transparent => {
-                self.page.styled(TextStyle::Dim, "passed through: its opacity micromap is transparent there")
+                self.page.styled(Style::Faint, "passed through: its opacity micromap is transparent there")
             }
             PrimitiveOutcome::CulledByOpacity => {
-                self.page.styled(TextStyle::Dim, "dropped: the ray's flags cull its opacity")
+                self.page.styled(Style::Faint, "dropped: the ray's flags cull its opacity")
             }
             PrimitiveOutcome::CulledByFace => {
-                self.page.styled(TextStyle::Dim, "dropped: the ray's flags cull its facing side")
+                self.page.styled(Style::Faint, "dropped: the ray's flags cull its facing side")
             }
-            PrimitiveOutcome::Missed => self.page.styled(TextStyle::Dim, "missed"),
+            PrimitiveOutcome::Missed => self.page.styled(Style::Faint, "missed"),
         };
         self.page.line(format_args!("    {place}{met}: {verdict}"));
     }

@@ -1,10 +1,10 @@
 //! Sums up the rays of a shader that traces many.
 
-use crate::page::TextStyle;
 use crate::render::Writer;
 use crate::summary_words::{counts, label, outcome, primitive};
 use crate::transcript::{ShaderRun, Trace, TranscriptLine};
 use crate::walk::AnyRay;
+use anyhit_base::style::Style;
 use anyhit_engine::math::array;
 
 /// How many rays a shader traces at most that are shown one by one.
@@ -72,7 +72,7 @@ impl Writer<'_> {
             ("ray query", _) => "ray queries".to_owned(),
             (what, _) => format!("{what}s"),
         };
-        let head = self.page.styled(TextStyle::Heading, format_args!("{} {plural}", rays.len()));
+        let head = self.page.styled(Style::Heading, format_args!("{} {plural}", rays.len()));
         let line = table.line.map_or_else(String::new, |line| format!(" at {}:{}", line.file, line.line));
         self.page.line(format_args!("{head} {}{line}: {}", table.verb, counts(&rays)));
         let rows: Vec<[String; 5]> = table
@@ -91,19 +91,19 @@ impl Writer<'_> {
             let cells: Vec<String> =
                 cells.iter().zip(&widths[1..]).map(|(cell, &width)| format!("{cell:<width$}")).collect();
             let number = format!("{number:>0$}", widths[0]);
-            let number = self.page.styled(TextStyle::Name, number);
+            let number = self.page.styled(Style::Name, number);
             self.page.line(format_args!("  {number}  {}", cells.join("  ")));
         }
         if let Some(rest) = rays.get(MAX_ROWS..).filter(|rest| !rest.is_empty()) {
             let text = format!("  ... {} more: {}", rest.len(), counts(rest));
-            self.page.line(self.page.styled(TextStyle::Dim, text));
+            self.page.line(self.page.styled(Style::Faint, text));
         }
         let first = table.rays.first().map_or(0, |(_, number, _)| *number);
         let how = match table.are_samples {
             true => format!("--sample {first} shows the first of them, --all shows all"),
             false => "--all shows each".to_owned(),
         };
-        self.page.line(self.page.styled(TextStyle::Dim, format_args!("  {how}")));
+        self.page.line(self.page.styled(Style::Faint, format_args!("  {how}")));
     }
 }
 

@@ -2,10 +2,11 @@
 
 use crate::executed_lines::{AssignedValue, ExecutedLine, PrintedText};
 use crate::given_block::GivenBlock;
-use crate::page::{TextStyle, with_plural};
+use crate::page::with_plural;
 use crate::render::Writer;
 use crate::render::words::{annotated, change, label, payload_label, source_suffix, value_rows};
 use crate::transcript::{ExitKind, NamedValue, RecordData, RecordMember, ShaderRun};
+use anyhit_base::style::Style;
 use anyhit_engine::reflect::value::TypedValue;
 
 /// How wide the text of source lines is, so that the values stand in a column.
@@ -13,7 +14,7 @@ const LINE_WIDTH: usize = 64;
 
 impl Writer<'_> {
     pub(super) fn shader(&mut self, run: &ShaderRun) {
-        let head = self.page.styled(TextStyle::Heading, run.shader.stage);
+        let head = self.page.styled(Style::Heading, run.shader.stage);
         self.page.line(format_args!("{head} {}", label(&run.shader)));
         self.nested("  ", |writer| writer.shader_body(run));
     }
@@ -51,7 +52,7 @@ impl Writer<'_> {
             (ExitKind::Trapped, _) => {
                 let message = run.exit.message.unwrap_or_default();
                 let text = format!("TRAPPED: {message}{}", source_suffix(run.exit.at.as_ref(), ""));
-                self.page.styled(TextStyle::Trap, text)
+                self.page.styled(Style::Bad, text)
             }
         };
         self.page.line(ending);
@@ -68,7 +69,7 @@ impl Writer<'_> {
             })
             .collect();
         if changed.is_empty() {
-            let text = self.page.styled(TextStyle::Dim, format_args!("{word} unchanged"));
+            let text = self.page.styled(Style::Faint, format_args!("{word} unchanged"));
             self.page.line(text);
         }
         self.page.rows(changed);
@@ -80,12 +81,12 @@ impl Writer<'_> {
             return;
         }
         self.page.blank_line();
-        self.page.line(self.page.styled(TextStyle::Heading, "executed lines"));
+        self.page.line(self.page.styled(Style::Heading, "executed lines"));
         if let Some(most) = self.options.last_lines {
             let cut = lines.len().saturating_sub(most);
             if cut > 0 {
                 let text = format!("  {} before these", with_plural(cut as u64, "line"));
-                self.page.line(self.page.styled(TextStyle::Dim, text));
+                self.page.line(self.page.styled(Style::Faint, text));
             }
             let shown: Vec<&ExecutedLine> = lines[cut..].iter().collect();
             self.executed_lines(&shown, width(&shown));
@@ -100,7 +101,7 @@ impl Writer<'_> {
         }
         if rest > 0 && !self.options.all {
             let text = format!("  {rest} more, which set no variable (--all shows them)");
-            self.page.line(self.page.styled(TextStyle::Dim, text));
+            self.page.line(self.page.styled(Style::Faint, text));
         }
     }
 
@@ -108,7 +109,7 @@ impl Writer<'_> {
         let mut file = None;
         for line in lines {
             if file != Some(&line.file) {
-                self.page.line(format_args!("  {}", self.page.styled(TextStyle::Dim, &line.file)));
+                self.page.line(format_args!("  {}", self.page.styled(Style::Faint, &line.file)));
                 file = Some(&line.file);
             }
             self.executed_line(line, width);
@@ -122,7 +123,7 @@ impl Writer<'_> {
             0 | 1 => String::new(),
             count => format!("  ({count} times)"),
         };
-        let number = self.page.styled(TextStyle::Name, format_args!("{:>5}", line.line));
+        let number = self.page.styled(Style::Name, format_args!("{:>5}", line.line));
         let mut values = line.values.iter().map(|value| assigned(value, line.count));
         let size = text.chars().count();
         let pad = " ".repeat(width.saturating_sub(size));
@@ -172,7 +173,7 @@ impl Writer<'_> {
         }
         place.extend((!self.place.is_empty()).then(|| self.place.clone()));
         place.push(format!("depth {}", self.depth));
-        let head = self.page.styled(TextStyle::Heading, "printed");
+        let head = self.page.styled(Style::Heading, "printed");
         self.page.line(format_args!("{head} {}", place.join(", ")));
         for line in printed.text.lines() {
             self.page.line(format_args!("  {line}"));
