@@ -1,7 +1,7 @@
 //! Pages in HTML about pictures: of a launch that was looked at, and of a picture that is not as a
 //! test expects.
 
-use crate::drawing::heat_map::{HeatMap, HeatScale, number};
+use crate::drawing::heat_map::{HeatMap, HeatScale, Palette, number};
 use crate::drawing::page::{HtmlPage, PageExplanations, PageLayer, PagePicture};
 use crate::expect::PictureDifference;
 use crate::observe::fresh_resources;
@@ -90,7 +90,8 @@ pub fn heat_map(heat: &Heat, top: Option<f64>) -> HeatMap<'_> {
         HeatMeasure::Divergence => (HeatScale::Linear, 100.0),
         _ => (HeatScale::Linear, most),
     };
-    HeatMap { extent: heat.extent, values: &heat.values, top: top.unwrap_or(most), scale }
+    let (extent, values, top) = (heat.extent, &heat.values, top.unwrap_or(most));
+    HeatMap { extent, values, top, scale, palette: Palette::Viridis }
 }
 
 /// Lines about all numbers of a heat map.
@@ -110,7 +111,8 @@ pub fn heat_facts(heat: &Heat) -> Vec<String> {
 /// Of encoding its picture.
 pub fn heat_layer(heat: &Heat, top: Option<f64>) -> Result<PageLayer> {
     let mut layer = PageLayer::new(heat.measure.name(), heat.measure.title(), &heat_map(heat, top))?;
-    (layer.facts, layer.worst) = (heat_facts(heat), heat.worst(WORST));
+    layer.facts = heat_facts(heat);
+    (layer.worst, layer.ties) = heat.worst(WORST);
     Ok(layer)
 }
 
@@ -124,16 +126,23 @@ pub fn comparison(compared: &PictureDifference) -> Result<(Vec<PagePicture>, Pag
         PagePicture::new("expected", &compared.expected)?,
         PagePicture::new("difference", &compared.difference())?,
     ];
-    let distances = distances(compared);
+    let distances: Vec<f64> = compared.distances().into_iter().map(f64::from).collect();
     let count = distances.iter().filter(|&&distance| distance > 0.0).count();
-    let worst = worst_pixels(compared, &distances);
     let extent = compared.found.extent;
+    let heat = Heat { measure: HeatMeasure::Ulps, extent, values: distances.clone() };
+    let (worst, ties) = heat.worst(WORST);
     let most = worst.first().map_or(0.0, |(_, most)| *most);
-    let map = HeatMap { extent, values: &distances, top: most, scale: HeatScale::Linear };
+    let map = HeatMap {
+        extent,
+        values: &distances,
+        top: most,
+        scale: HeatScale::Linear,
+        palette: Palette::Magnitude,
+    };
     let mut layer = PageLayer::new("difference", "greatest difference in a channel, out of 255", &map)?;
     let all = number(distances.len() as f64);
     layer.facts = vec![format!("{} of {all} pixels differ, by at most {most}", number(count as f64))];
-    layer.worst = worst;
+    (layer.worst, layer.ties) = (worst, ties);
     Ok((pictures, layer))
 }
 
@@ -163,22 +172,6 @@ pub fn failed_picture(
         explanations: (!explained.is_empty()).then(|| PageExplanations::new(&explained, which)),
         command,
     })
-}
-
-/// By pixel, the greatest difference of a channel.
-fn distances(compared: &PictureDifference) -> Vec<f64> {
-    let pixels = compared.expected.pixels.chunks_exact(4).zip(compared.found.pixels.chunks_exact(4));
-    let distance = |(one, other): (&[u8], &[u8])| {
-        one.iter().zip(other).map(|(one, other)| one.abs_diff(*other)).max().unwrap_or(0)
-    };
-    pixels.map(|pair| f64::from(distance(pair))).collect()
-}
-
-/// The pixels that differ most, and by how much.
-fn worst_pixels(compared: &PictureDifference, distances: &[f64]) -> Vec<([u32; 2], f64)> {
-    let [width, height] = compared.found.extent;
-    let heat = Heat { measure: HeatMeasure::Ulps, extent: [width, height], values: distances.to_vec() };
-    heat.worst(WORST)
 }
 
 #[cfg(test)]
@@ -236,7 +229,7 @@ mod tests {
         let picture = |pixels: &[u8]| pixels.to_vec();
         let (one, other) = (picture(&[1, 2, 3, 4, 9, 9, 9, 9]), picture(&[1, 5, 2, 4, 9, 9, 9, 9]));
         let compared = PictureDifference::new("p", [2, 1], one, other).expect("pictures of one size");
-        assert_eq!(distances(&compared), [3.0, 0.0]);
-        assert_eq!(worst_pixels(&compared, &distances(&compared)), [([0, 0], 3.0)]);
+        assert_eq!(compared.distances(), [3, 0]);
+        assert_eq!(comparison(&compared).expect("pictures").1.worst, [([0, 0], 3.0)]);
     }
 }

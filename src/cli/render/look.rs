@@ -261,7 +261,9 @@ impl LookArgs {
                 layers.push(layer);
             }
         }
-        let selected = wanted.first().copied();
+        let shown_layer = layers.iter().find(|layer| Some(&layer.name) == shown.as_ref()).or(layers.first());
+        let worst = shown_layer.and_then(|layer| layer.worst.first()).map(|(pixel, _)| *pixel);
+        let selected = wanted.first().copied().or(worst);
         wanted.extend(layers.iter().flat_map(|layer| &layer.worst).map(|(pixel, _)| *pixel));
         let chosen = ChosenPixels::of(extent, &wanted);
         let scene_name = given.scene.is_none().then_some("swept-spheres (built-in)");
@@ -354,8 +356,8 @@ fn told(heat: &Heat, command: &[String; 2]) -> String {
     for line in heat_facts(heat) {
         text += &format!("  {line}\n");
     }
-    let worst: Vec<(String, String)> = heat
-        .worst(WORST)
+    let (worst, ties) = heat.worst(WORST);
+    let worst: Vec<(String, String)> = worst
         .into_iter()
         .map(|([x, y], value)| (number(value), format!("{} --pixel {x},{y}{}", command[0], command[1])))
         .collect();
@@ -365,6 +367,9 @@ fn told(heat: &Heat, command: &[String; 2]) -> String {
     let width = worst.iter().map(|(value, _)| value.len()).max().unwrap_or(0);
     for (value, command) in worst {
         text += &format!("  {value:>width$}  {command}\n");
+    }
+    if ties > 0 {
+        text += &format!("  {} more pixels have the last of these numbers\n", number(ties as f64));
     }
     text
 }
@@ -376,8 +381,8 @@ fn told_json(heat: &Heat, command: &[String; 2]) -> String {
     let percentiles = json_object(
         PERCENTS.iter().zip(percentiles).map(|(percent, value)| (percent.to_string(), json!(value))),
     );
-    let worst: Vec<Value> = heat
-        .worst(WORST)
+    let (worst, ties) = heat.worst(WORST);
+    let worst: Vec<Value> = worst
         .into_iter()
         .map(|([x, y], value)| {
             json!({
@@ -395,6 +400,7 @@ fn told_json(heat: &Heat, command: &[String; 2]) -> String {
         "mean": heat.mean(),
         "percentiles": percentiles,
         "worst": worst,
+        "ties": ties,
     });
     format!("{all:#}\n")
 }

@@ -1,6 +1,7 @@
 //! Heat maps: a colour for each number of a plane, and a legend with numbers.
 
 use crate::drawing::bitmap_text::{self, LINE_HEIGHT};
+use crate::expect::magnitude_colour;
 use anyhit_scene::image::Rgba8;
 
 /// Paper and ink of the legend.
@@ -32,7 +33,27 @@ pub enum HeatScale {
     Logarithmic,
 }
 
-/// Numbers to be shown by colours, from dark blue for 0 to yellow for `top` and all above.
+/// The colours of numbers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Palette {
+    /// Viridis, from dark blue to yellow: equal steps look equally far apart, also to the
+    /// colour-blind and in grey.
+    Viridis,
+    /// One hue, from black to bright, as pictures of differences have it.
+    Magnitude,
+}
+
+impl Palette {
+    /// The colour of a place from 0 to 1.
+    pub fn colour(self, place: f64) -> [u8; 3] {
+        match self {
+            Self::Viridis => colorous::VIRIDIS.eval_continuous(place).as_array(),
+            Self::Magnitude => magnitude_colour(place),
+        }
+    }
+}
+
+/// Numbers to be shown by colours, from the first one for 0 to the last one for `top` and all above.
 #[derive(Clone, Copy, Debug)]
 pub struct HeatMap<'a> {
     /// Width and height.
@@ -41,8 +62,10 @@ pub struct HeatMap<'a> {
     pub values: &'a [f64],
     /// The number of the last colour.
     pub top: f64,
-    /// How numbers become colours.
+    /// How numbers become places between the colours.
     pub scale: HeatScale,
+    /// The colours.
+    pub palette: Palette,
 }
 
 impl HeatMap<'_> {
@@ -94,7 +117,7 @@ impl HeatMap<'_> {
     /// Draws the bar of colours and the numbers below it.
     fn draw_bar(&self, picture: &mut Rgba8, top: u32, width: u32) {
         for x in 0..width {
-            let colour = colour(f64::from(x) / f64::from(width - 1));
+            let colour = self.palette.colour(f64::from(x) / f64::from(width - 1));
             (0..BAR_HEIGHT).for_each(|y| set(picture, [MARGIN + x, top + y], colour));
         }
         for tick in 0..=TICKS {
@@ -134,14 +157,8 @@ impl HeatMap<'_> {
     }
 
     fn colour(&self, value: f64) -> [u8; 3] {
-        if value.is_finite() { colour(self.place(value)) } else { NOT_FINITE }
+        if value.is_finite() { self.palette.colour(self.place(value)) } else { NOT_FINITE }
     }
-}
-
-/// The colour of a place from 0 to 1: viridis, in which equal steps look equally far apart, also to
-/// the colour-blind and in grey.
-pub fn colour(place: f64) -> [u8; 3] {
-    colorous::VIRIDIS.eval_continuous(place).as_array()
 }
 
 /// A number for people: whole ones with commas between thousands, others with three digits that
@@ -194,21 +211,44 @@ mod tests {
             let found = [r, g, b].map(|channel| f64::from(channel) / 255.0);
             found.iter().zip(expected).all(|(one, other)| (one - other).abs() < 0.01)
         };
-        assert!(near(colour(0.0), [0.267004, 0.004874, 0.329415]), "{:?}", colour(0.0));
-        assert!(near(colour(1.0), [0.993248, 0.906157, 0.143936]), "{:?}", colour(1.0));
+        assert!(
+            near(Palette::Viridis.colour(0.0), [0.267004, 0.004874, 0.329415]),
+            "{:?}",
+            Palette::Viridis.colour(0.0)
+        );
+        assert!(
+            near(Palette::Viridis.colour(1.0), [0.993248, 0.906157, 0.143936]),
+            "{:?}",
+            Palette::Viridis.colour(1.0)
+        );
         let grey = |[r, g, b]: [u8; 3]| 0.2126 * f64::from(r) + 0.7152 * f64::from(g) + 0.0722 * f64::from(b);
-        let lightness: Vec<f64> = (0..=20).map(|at| grey(colour(f64::from(at) / 20.0))).collect();
+        let lightness: Vec<f64> =
+            (0..=20).map(|at| grey(Palette::Viridis.colour(f64::from(at) / 20.0))).collect();
         assert!(lightness.is_sorted(), "{lightness:?}");
     }
 
     #[test]
     fn a_plane_has_a_pixel_for_each_number_and_a_picture_its_legend() {
         let values = [0.0, 1.0, 3.0, f64::NAN];
-        let map = HeatMap { extent: [2, 2], values: &values, top: 2.0, scale: HeatScale::Linear };
+        let map = HeatMap {
+            extent: [2, 2],
+            values: &values,
+            top: 2.0,
+            scale: HeatScale::Linear,
+            palette: Palette::Viridis,
+        };
         let plane = map.plane();
         assert_eq!(plane.extent, [2, 2]);
         let pixels: Vec<&[u8]> = plane.pixels.chunks_exact(4).map(|pixel| &pixel[..3]).collect();
-        assert_eq!(pixels, [colour(0.0), colour(0.5), colour(1.0), NOT_FINITE]);
+        assert_eq!(
+            pixels,
+            [
+                Palette::Viridis.colour(0.0),
+                Palette::Viridis.colour(0.5),
+                Palette::Viridis.colour(1.0),
+                NOT_FINITE
+            ]
+        );
         assert_eq!(map.tick(0), "0");
         assert_eq!(map.tick(2), "1");
         assert_eq!(map.tick(4), ">=2", "a number is above the last one");
@@ -220,14 +260,20 @@ mod tests {
             let at = 4 * (y * picture.extent[0] + x) as usize;
             [picture.pixels[at], picture.pixels[at + 1], picture.pixels[at + 2]]
         };
-        assert_eq!(at(MARGIN, MARGIN), colour(0.0));
-        assert_eq!(at(MARGIN + 319, MARGIN), colour(0.5));
-        assert_eq!(at(MARGIN, MARGIN + 319), colour(1.0));
+        assert_eq!(at(MARGIN, MARGIN), Palette::Viridis.colour(0.0));
+        assert_eq!(at(MARGIN + 319, MARGIN), Palette::Viridis.colour(0.5));
+        assert_eq!(at(MARGIN, MARGIN + 319), Palette::Viridis.colour(1.0));
     }
 
     #[test]
     fn a_logarithmic_scale_goes_from_0_to_its_top() {
-        let map = HeatMap { extent: [1, 1], values: &[0.0], top: 1023.0, scale: HeatScale::Logarithmic };
+        let map = HeatMap {
+            extent: [1, 1],
+            values: &[0.0],
+            top: 1023.0,
+            scale: HeatScale::Logarithmic,
+            palette: Palette::Viridis,
+        };
         // 1 + 31 is half way from 1 to 1024 on a logarithmic scale.
         assert!((map.value_at(0.5) - 31.0).abs() < 1e-9);
         assert!((map.place(31.0) - 0.5).abs() < 1e-12);
@@ -236,7 +282,13 @@ mod tests {
 
     #[test]
     fn a_plane_of_zeros_has_the_first_colour() {
-        let map = HeatMap { extent: [1, 1], values: &[0.0], top: 0.0, scale: HeatScale::Linear };
-        assert_eq!(map.plane().pixels[..3], colour(0.0));
+        let map = HeatMap {
+            extent: [1, 1],
+            values: &[0.0],
+            top: 0.0,
+            scale: HeatScale::Linear,
+            palette: Palette::Viridis,
+        };
+        assert_eq!(map.plane().pixels[..3], Palette::Viridis.colour(0.0));
     }
 }

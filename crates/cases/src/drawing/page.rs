@@ -13,7 +13,7 @@ use flate2::Compression;
 use flate2::write::ZlibEncoder;
 use serde::Serialize;
 
-use crate::drawing::heat_map::{HeatMap, HeatScale, colour};
+use crate::drawing::heat_map::{HeatMap, HeatScale};
 use anyhit_base::error::Result;
 use anyhit_base::escape;
 use anyhit_scene::image::Rgba8;
@@ -71,6 +71,8 @@ pub struct PageLayer {
     pub facts: Vec<String>,
     /// The pixels with the greatest numbers, and these.
     pub worst: Vec<([u32; 2], f64)>,
+    /// How many more have the last of these numbers.
+    pub ties: usize,
     png: String,
     /// Colours from the first to the last.
     legend: Vec<String>,
@@ -120,8 +122,11 @@ impl PageLayer {
             title: title.to_owned(),
             facts: Vec::new(),
             worst: Vec::new(),
+            ties: 0,
             png: png_address(&map.plane())?,
-            legend: (0..LEGEND_COLOURS).map(|step| css(colour(at(step, LEGEND_COLOURS - 1)))).collect(),
+            legend: (0..LEGEND_COLOURS)
+                .map(|step| css(map.palette.colour(at(step, LEGEND_COLOURS - 1))))
+                .collect(),
             ticks: (0..=steps).map(|step| map.value_at(at(step, steps))).collect(),
             values: (map.values.len() <= MAX_NUMBERS).then(|| compressed(&bytes_of(map.values))),
         })

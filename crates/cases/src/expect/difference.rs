@@ -122,24 +122,34 @@ impl PictureDifference {
         Some(Self { name: name.into(), expected: picture(expected)?, found: picture(found)? })
     }
 
-    /// Where they differ, and how much: black where they are equal, else from dark to bright by the
-    /// difference of each channel as a part of the greatest.
+    /// By pixel, the greatest difference of a channel.
+    pub fn distances(&self) -> Vec<u8> {
+        let pixels = self.expected.pixels.chunks_exact(4).zip(self.found.pixels.chunks_exact(4));
+        let distance = |(one, other): (&[u8], &[u8])| {
+            one.iter().zip(other).map(|(one, other)| one.abs_diff(*other)).max().unwrap_or(0)
+        };
+        pixels.map(distance).collect()
+    }
+
+    /// Where they differ, and how much: black where they are equal, else one hue from dark to bright
+    /// by the greatest difference of a channel, as a part of the greatest of all pixels.
     pub fn difference(&self) -> Rgba8 {
-        let texels = |picture: &Rgba8| picture.pixels.as_chunks::<4>().0.to_vec();
-        let distances: Vec<[u8; 4]> = texels(&self.expected)
-            .into_iter()
-            .zip(texels(&self.found))
-            .map(|(expected, found)| array::from_fn(|channel| expected[channel].abs_diff(found[channel])))
-            .collect();
-        let most = distances.iter().flatten().copied().max().unwrap_or(0).max(1);
-        let shown = distances.into_iter().flat_map(|[r, g, b, a]| {
-            // A difference of alpha alone is shown, too.
-            let [r, g, b] = [r.max(a), g.max(a), b.max(a)].map(|one| match one {
-                0 => 0,
-                one => (48 + u32::from(one) * 207 / u32::from(most)) as u8,
-            });
+        let distances = self.distances();
+        let most = distances.iter().copied().max().unwrap_or(0).max(1);
+        let shown = distances.into_iter().flat_map(|distance| {
+            let [r, g, b] = magnitude_colour(f64::from(distance) / f64::from(most));
             [r, g, b, 255]
         });
         Rgba8 { extent: self.expected.extent, pixels: shown.collect() }
+    }
+}
+
+/// The colour of a magnitude from 0 to 1: black for 0, and above it an orange that grows brighter.
+pub fn magnitude_colour(magnitude: f64) -> [u8; 3] {
+    const DARK: [f64; 3] = [80.0, 34.0, 0.0];
+    const BRIGHT: [f64; 3] = [255.0, 201.0, 128.0];
+    match magnitude {
+        0.0 => [0; 3],
+        part => array::from_fn(|channel| (DARK[channel] + part * (BRIGHT[channel] - DARK[channel])) as u8),
     }
 }

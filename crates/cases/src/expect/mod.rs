@@ -19,7 +19,7 @@ mod stats;
 mod trap;
 
 pub use bytes::{BytesExpectation, ObservedMemory};
-pub use difference::{Difference, Fix, PictureDifference, Subject};
+pub use difference::{Difference, Fix, PictureDifference, Subject, magnitude_colour};
 pub use hit::{HitExpectation, RayFound};
 pub use normal::NormalExpectation;
 pub use payload::PayloadExpectation;

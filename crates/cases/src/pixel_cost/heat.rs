@@ -132,19 +132,27 @@ impl Heat {
         })
     }
 
-    /// The pixels with the greatest numbers above 0, at most so many; of equal ones the first.
-    pub fn worst(&self, most: usize) -> Vec<([u32; 2], f64)> {
+    /// The pixels with the greatest numbers above 0, at most so many, and how many more pixels have
+    /// the last of these numbers: of equal ones those listed are spread over the picture.
+    pub fn worst(&self, most: usize) -> (Vec<([u32; 2], f64)>, usize) {
         let mut order: Vec<usize> = (0..self.values.len()).filter(|&at| self.values[at] > 0.0).collect();
         let by_value = |one: &usize, other: &usize| {
             self.values[*other].total_cmp(&self.values[*one]).then(one.cmp(other))
         };
-        if order.len() > most && most > 0 {
-            order.select_nth_unstable_by(most - 1, by_value);
+        let mut ties = 0;
+        if order.len() > most {
+            let (_, &mut last, _) = order.select_nth_unstable_by(most.saturating_sub(1), by_value);
+            let least = self.values[last];
+            let equal: Vec<usize> = (0..self.values.len()).filter(|&at| self.values[at] == least).collect();
+            order.retain(|&at| self.values[at] > least);
+            let left = most - order.len();
+            ties = equal.len() - left;
+            order.extend((0..left).map(|at| equal[(2 * at + 1) * equal.len() / (2 * left)]));
         }
-        order.truncate(most);
         order.sort_unstable_by(by_value);
         let width = self.extent[0].max(1) as usize;
-        order.into_iter().map(|at| ([(at % width) as u32, (at / width) as u32], self.values[at])).collect()
+        let pixel = |at: usize| ([(at % width) as u32, (at / width) as u32], self.values[at]);
+        (order.into_iter().map(pixel).collect(), ties)
     }
 }
 
@@ -167,11 +175,14 @@ mod tests {
     }
 
     #[test]
-    fn the_worst_pixels_come_first_and_equal_ones_in_order() {
+    fn the_worst_pixels_come_first_and_equal_ones_are_spread() {
         let six = heat(&[1.0, 7.0, 0.0, 7.0, 9.0, 7.0]);
-        assert_eq!(six.worst(3), [([1, 1], 9.0), ([1, 0], 7.0), ([0, 1], 7.0)]);
-        assert_eq!(six.worst(10).len(), 5, "a pixel that costs nothing is not among the worst");
-        assert_eq!(six.worst(0), []);
+        // Of three equal ones two: the first and the third.
+        assert_eq!(six.worst(3), (vec![([1, 1], 9.0), ([1, 0], 7.0), ([2, 1], 7.0)], 1));
+        assert_eq!(six.worst(10).0.len(), 5, "a pixel that costs nothing is not among the worst");
+        // Of nine equal ones three: the second, fifth and eighth.
+        let nine = Heat { extent: [3, 3], values: vec![4.0; 9], ..six };
+        assert_eq!(nine.worst(3), (vec![([1, 0], 4.0), ([1, 1], 4.0), ([1, 2], 4.0)], 6));
     }
 
     #[test]

@@ -27,6 +27,7 @@
     return new Response(stream).arrayBuffer();
   }
 
+  let selected = null;
   by("title").textContent = data.title;
   list(by("facts"), data.facts);
 
@@ -45,20 +46,127 @@
     image.alt = picture.name;
     image.src = picture.png;
     const canvas = add(plane, "canvas");
-    canvas.width = width;
-    canvas.height = height;
-    canvas.hidden = true;
+    canvas.className = "marks";
     const cursor = add(plane, "div");
     cursor.className = "cursor";
     cursor.hidden = true;
-    plane.addEventListener("click", (event) => {
-      const box = plane.getBoundingClientRect();
-      select(
-        Math.floor(((event.clientX - box.left) / box.width) * width),
-        Math.floor(((event.clientY - box.top) / box.height) * height),
-      );
-      plane.focus({ preventScroll: true });
+    return { picture, caption, scroll, plane, image, canvas, cursor };
+  });
+  document.querySelector("main").classList.toggle("compare", planes.length > 1);
+
+  // Sizes: whole multiples of a pixel, or as wide as there is room.
+  const FACTORS = [1, 2, 3, 4, 6, 8, 12, 16, 24, 32];
+  const zoom = by("zoom");
+  const scale = (plane) => plane.getBoundingClientRect().width / width;
+  const resize = () => {
+    const factor = Number(zoom.value);
+    for (const { scroll, plane } of planes) {
+      scroll.style.width = factor ? "fit-content" : "100%";
+      plane.style.width = factor ? `${width * factor}px` : "100%";
+      plane.style.aspectRatio = `${width} / ${height}`;
+    }
+    drawMarks();
+  };
+  for (const factor of FACTORS) {
+    const option = add(zoom, "option", `${factor}x`);
+    option.value = String(factor);
+  }
+  add(zoom, "option", "fit").value = "0";
+
+  // Scrolls every picture so that a pixel lies at a place of its frame: in the middle, or anywhere
+  // inside if it is in sight already.
+  const scrollTo = (x, y, centred) => {
+    for (const { scroll, plane } of planes) {
+      const size = scale(plane);
+      const along = (at, length, from) => {
+        const [begin, end] = [at * size, (at + 1) * size];
+        const margin = Math.min(24, length / 4);
+        if (centred || end > from + length || begin < from) return (begin + end - length) / 2;
+        if (begin < from + margin) return begin - margin;
+        if (end > from + length - margin) return end - length + margin;
+        return from;
+      };
+      const left = along(x, scroll.clientWidth, scroll.scrollLeft);
+      const top = along(y, scroll.clientHeight, scroll.scrollTop);
+      scroll.scrollTo(left, top);
+    }
+  };
+  // Scrolls the window so that the selected pixel of the first picture is in sight.
+  const reveal = () => planes[0].cursor.scrollIntoView({ block: "nearest", inline: "nearest" });
+
+  // The pixel at a point of the window.
+  const pixelAt = (plane, clientX, clientY) => {
+    const box = plane.getBoundingClientRect();
+    const at = (offset, length, count) => Math.min(count - 1, Math.max(0, Math.floor((offset / length) * count)));
+    return [at(clientX - box.left, box.width, width), at(clientY - box.top, box.height, height)];
+  };
+  // The pixel that a click means: the nearest explained one where its mark is hit.
+  const MARK = 5;
+  const REACH = 4;
+  const clicked = (plane, clientX, clientY) => {
+    const [x, y] = pixelAt(plane, clientX, clientY);
+    if (!marked() || explained.has(`${x},${y}`)) return [x, y];
+    const box = plane.getBoundingClientRect();
+    const size = scale(plane);
+    const far = ([a, b]) =>
+      Math.max(Math.abs((a + 0.5) * size - (clientX - box.left)), Math.abs((b + 0.5) * size - (clientY - box.top)));
+    const near = data.explanations.pixels.reduce((one, other) => (far(other) < far(one) ? other : one));
+    return far(near) <= REACH ? near : [x, y];
+  };
+
+  let follows = false;
+  for (const { scroll, plane } of planes) {
+    // All pictures show the same part.
+    scroll.addEventListener("scroll", () => {
+      if (follows) return;
+      follows = true;
+      for (const other of planes) {
+        if (other.scroll !== scroll) other.scroll.scrollTo(scroll.scrollLeft, scroll.scrollTop);
+      }
+      requestAnimationFrame(() => { follows = false; });
     });
+    // A press that moves drags the picture; one that does not selects a pixel.
+    let press = null;
+    plane.addEventListener("pointerdown", (event) => {
+      if (event.button !== 0 || event.pointerType === "touch") return;
+      press = { x: event.clientX, y: event.clientY, left: scroll.scrollLeft, top: scroll.scrollTop, moved: false };
+      plane.setPointerCapture(event.pointerId);
+    });
+    plane.addEventListener("pointermove", (event) => {
+      hover(...pixelAt(plane, event.clientX, event.clientY));
+      if (!press) return;
+      const [dx, dy] = [event.clientX - press.x, event.clientY - press.y];
+      press.moved ||= Math.hypot(dx, dy) > 4;
+      if (press.moved) scroll.scrollTo(press.left - dx, press.top - dy);
+    });
+    plane.addEventListener("pointerleave", () => hover(null));
+    // Where it ended; browsers round the place of a click.
+    let release = null;
+    plane.addEventListener("pointerup", (event) => {
+      release = { x: event.clientX, y: event.clientY, dragged: Boolean(press?.moved) };
+      press = null;
+    });
+    plane.addEventListener("pointercancel", () => { press = null; });
+    plane.addEventListener("click", (event) => {
+      plane.focus({ preventScroll: true });
+      const { x, y, dragged } = release ?? { x: event.clientX, y: event.clientY, dragged: false };
+      release = null;
+      if (!dragged) select(...clicked(plane, x, y));
+    });
+    // The wheel zooms about the pixel under it.
+    plane.addEventListener("wheel", (event) => {
+      if (event.ctrlKey || event.deltaY === 0) return;
+      const now = scale(plane);
+      const next = event.deltaY < 0 ? FACTORS.find((factor) => factor > now + 1e-6) : FACTORS.findLast((factor) => factor < now - 1e-6);
+      if (!next) return;
+      event.preventDefault();
+      const box = plane.getBoundingClientRect();
+      const [x, y] = [(event.clientX - box.left) / now, (event.clientY - box.top) / now];
+      const frame = scroll.getBoundingClientRect();
+      zoom.value = String(next);
+      resize();
+      scroll.scrollTo(x * next - (event.clientX - frame.left), y * next - (event.clientY - frame.top));
+    }, { passive: false });
     plane.addEventListener("keydown", (event) => {
       const steps = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
       const step = steps[event.key];
@@ -67,29 +175,44 @@
       const far = event.shiftKey ? 10 : 1;
       const [x, y] = selected ?? [0, 0];
       select(x + far * step[0], y + far * step[1]);
+      reveal();
     });
-    return { picture, caption, plane, image, canvas, cursor };
-  });
-
-  // Sizes: whole multiples of a pixel, or as wide as there is room.
-  const zoom = by("zoom");
-  const resize = () => {
-    for (const { plane } of planes) {
-      const factor = Number(zoom.value);
-      plane.style.width = factor ? `${width * factor}px` : "100%";
-      plane.style.aspectRatio = `${width} / ${height}`;
-      plane.closest("figure").style.width = factor ? "" : "100%";
-    }
-  };
-  for (const factor of [1, 2, 3, 4, 6, 8, 12, 16, 24, 32]) {
-    const option = add(zoom, "option", `${factor}x`);
-    option.value = String(factor);
   }
-  add(zoom, "option", "fit").value = "0";
+
+  // Marks of the pixels that are explained: outlines that stay large enough to be hit.
+  const explained = new Map();
+  (data.explanations?.pixels ?? []).forEach(([x, y], at) => explained.set(`${x},${y}`, at));
+  const isWhole = explained.size === 0 || explained.size === width * height;
+  by("marking").hidden = isWhole;
+  const marked = () => !isWhole && by("marks").checked;
+  function drawMarks() {
+    for (const { canvas, plane } of planes) {
+      canvas.hidden = !marked();
+      if (!marked()) continue;
+      const size = scale(plane);
+      const dots = devicePixelRatio || 1;
+      // Browsers refuse larger canvases.
+      const limit = 8192;
+      const [across, down] = [width, height].map((side) => Math.min(limit, Math.round(side * size * dots)));
+      canvas.width = across;
+      canvas.height = down;
+      const paint = canvas.getContext("2d");
+      const unit = across / width;
+      const side = Math.max(unit, MARK * dots);
+      for (const [x, y] of data.explanations.pixels) {
+        const [left, top] = [(x + 0.5) * unit - side / 2, (y + 0.5) * unit - side / 2];
+        // One light and one dark outline: one of them shows on any picture.
+        paint.lineWidth = dots;
+        paint.strokeStyle = "#000000";
+        paint.strokeRect(left - dots, top - dots, side + 2 * dots, side + 2 * dots);
+        paint.strokeStyle = "#ff9bff";
+        paint.strokeRect(left, top, side, side);
+      }
+    }
+  }
   const room = data.pictures.length > 1 ? 420 : 720;
-  const factors = [1, 2, 3, 4, 6, 8, 12, 16, 24, 32].filter((factor) => factor * width <= room);
-  zoom.value = String(factors.pop() ?? (data.pictures.length > 1 ? 1 : 0));
-  zoom.addEventListener("change", resize);
+  const factors = FACTORS.filter((factor) => factor * width <= room);
+  zoom.value = String(factors.pop() ?? 0);
   resize();
 
   // Layers: the picture itself, and heat maps in its place.
@@ -104,28 +227,43 @@
     input.addEventListener("change", () => show(layer));
     return input;
   };
+  // The layer whose legend and worst pixels are shown.
+  let told = null;
   const show = (layer) => {
     const first = planes[0];
     first.image.src = layer ? layer.png : first.picture.png;
     first.image.alt = layer ? layer.title : first.picture.name;
     first.caption.textContent = layer ? layer.title : first.picture.name;
-    by("legend").hidden = !layer;
-    by("worst").hidden = !layer || layer.worst.length === 0;
-    if (!layer) return;
-    by("legend-title").textContent = layer.title;
+    // The legend of a picture of differences stays.
+    told = layer ?? (planes.length > 1 ? data.layers.at(-1) : null);
+    by("legend").hidden = !told;
+    by("worst").hidden = !told || told.worst.length === 0;
+    if (!told) return;
+    listWorst(told);
+    by("legend-title").textContent = told.title;
     const bar = by("bar");
-    bar.style.background = `linear-gradient(to right, ${layer.legend.join(", ")})`;
-    const ticks = layer.ticks.map(shown);
+    bar.style.background = `linear-gradient(to right, ${told.legend.join(", ")})`;
+    const ticks = told.ticks.map(shown);
     bar.setAttribute("aria-label", `colours from ${ticks[0]} to ${ticks[ticks.length - 1]}`);
     by("ticks").replaceChildren();
     ticks.forEach((tick) => add(by("ticks"), "span", tick));
-    list(by("legend-facts"), layer.facts);
+    list(by("legend-facts"), told.facts);
+  };
+  const listWorst = (layer) => {
+    const last = layer.worst.at(-1);
+    by("ties").hidden = layer.ties === 0;
+    if (layer.ties > 0) {
+      by("ties").textContent = `${shown(layer.ties)} more have ${shown(last[1])}; those listed are spread over the picture.`;
+    }
     by("worst-list").replaceChildren();
     for (const [[x, y], value] of layer.worst) {
       const item = add(by("worst-list"), "li");
       const button = add(item, "button", `${x},${y}`);
       button.type = "button";
-      button.addEventListener("click", () => select(x, y));
+      button.addEventListener("click", () => {
+        select(x, y);
+        reveal();
+      });
       item.append(` ${shown(value)}`);
     }
   };
@@ -135,18 +273,31 @@
   show(begin > 0 ? data.layers[begin - 1] : null);
   layers.hidden = data.layers.length === 0;
 
-  // Marks of the pixels that are explained.
-  const explained = new Map();
-  (data.explanations?.pixels ?? []).forEach(([x, y], at) => explained.set(`${x},${y}`, at));
-  by("marking").hidden = explained.size === 0 || explained.size === width * height;
-  by("marks").addEventListener("change", () => {
-    for (const { canvas } of planes) {
-      canvas.hidden = !by("marks").checked;
-      const paint = canvas.getContext("2d");
-      paint.fillStyle = "#ff00ff";
-      data.explanations.pixels.forEach(([x, y]) => paint.fillRect(x, y, 1, 1));
-    }
+  by("marks").addEventListener("change", () => drawMarks());
+  zoom.addEventListener("change", () => {
+    resize();
+    if (selected) scrollTo(...selected, true);
   });
+  addEventListener("resize", () => drawMarks());
+
+  // Found and expected take each other's place in the first frame.
+  const flicker = () => {
+    if (planes.length < 2) return;
+    const first = planes[0];
+    const isFound = first.image.src === data.pictures[0].png;
+    const next = data.pictures[isFound ? 1 : 0];
+    first.image.src = next.png;
+    first.image.alt = next.name;
+    first.caption.textContent = next.name;
+  };
+  by("flicker").hidden = planes.length < 2;
+  by("flicker").addEventListener("click", flicker);
+  addEventListener("keydown", (event) => {
+    const isTyped = event.ctrlKey || event.altKey || event.metaKey || event.target.matches?.("input[type=number], select");
+    if (event.key.toLowerCase() === "f" && !isTyped) flicker();
+  });
+
+  by("wrap").addEventListener("change", () => by("explanation").classList.toggle("wrapped", by("wrap").checked));
 
   // What stands at a pixel: the numbers of pictures and layers.
   const planesOfNumbers = new Map();
@@ -180,13 +331,42 @@
     : Promise.resolve([]);
   texts.catch(() => {});
 
-  let selected = null;
+  // Names and values of a pixel.
+  const rowsOf = async (x, y) => {
+    const rows = [];
+    for (const layer of data.layers) {
+      const numbers = await numbersOf(layer);
+      const value = numbers ? shown(numbers.getFloat32(4 * (y * width + x), true)) : "not in this page, which is large";
+      rows.push([layer.title, value]);
+    }
+    for (const picture of data.pictures) {
+      const colour = await colourOf(picture, x, y);
+      if (colour) rows.push([`${picture.name}, RGBA`, colour]);
+    }
+    return rows;
+  };
+  let under = null;
+  async function hover(x, y) {
+    under = x === null ? null : `${x},${y}`;
+    const own = under;
+    if (own === null) {
+      by("hover").textContent = "\u00a0";
+      return;
+    }
+    const rows = await rowsOf(x, y);
+    if (own !== under) return;
+    const isShown = ([name]) => !data.layers.some((layer) => layer.title === name && layer !== told);
+    const values = rows.filter(isShown).map(([name, value]) => `${name} ${value}`);
+    by("hover").textContent = [`${x},${y}`, ...values].join("  \u00b7  ");
+  }
+
   let nearest = null;
   let turn = 0;
   async function select(x, y) {
     x = Math.min(Math.max(x, 0), width - 1);
     y = Math.min(Math.max(y, 0), height - 1);
     selected = [x, y];
+    by("hint").hidden = true;
     const own = ++turn;
     by("x").value = x;
     by("y").value = y;
@@ -198,6 +378,7 @@
       cursor.style.width = `${100 / width}%`;
       cursor.style.height = `${100 / height}%`;
     }
+    scrollTo(x, y, false);
     by("pixel-title").textContent = `Pixel ${x},${y}`;
     by("command").hidden = !data.command;
     if (data.command) by("command-text").textContent = `${data.command[0]} --pixel ${x},${y}${data.command[1]}`;
@@ -216,16 +397,9 @@
     } else if (data.command) {
       status = "Run the command to explain this pixel.";
     }
-    const rows = [];
-    for (const layer of data.layers) {
-      const numbers = await numbersOf(layer);
-      if (numbers) rows.push([layer.title, shown(numbers.getFloat32(4 * (y * width + x), true))]);
-    }
-    for (const picture of data.pictures) {
-      const colour = await colourOf(picture, x, y);
-      if (colour) rows.push([`${picture.name}, RGBA`, colour]);
-    }
+    const rows = await rowsOf(x, y);
     if (own !== turn) return;
+    by("wrapping").hidden = text === null;
     by("explanation").hidden = text === null;
     by("explanation").textContent = text ?? "";
     by("status").textContent = status;
@@ -259,7 +433,10 @@
     }
   });
 
-  by("nearest").addEventListener("click", () => select(...nearest));
+  by("nearest").addEventListener("click", () => {
+    select(...nearest);
+    reveal();
+  });
 
   const fromAddress = () => {
     const found = /^#(\d+),(\d+)$/.exec(location.hash);
