@@ -147,7 +147,7 @@ fn weights_of_corners_in_the_wrong_order() {
 #[test]
 fn a_walk_is_short() {
     for bug in BUGS {
-        let path = format!("{}/tests/debugger/console/bug-{bug}.stdin", env!("CARGO_MANIFEST_DIR"));
+        let path = format!("{}/tests/debugger/scripts/bug-{bug}.stdin", env!("CARGO_MANIFEST_DIR"));
         let script = std::fs::read_to_string(path).expect("the script is there");
         let count = script.lines().filter(|line| !line.starts_with('#')).count();
         assert!(count <= 6, "{bug}: {count} commands");

@@ -33,7 +33,7 @@ const LAYERS: &[(&str, &[&[&str]])] = &[
 /// crates.
 const CRATES: &[(&str, &[&str])] = &[
     // The sanitizer reads which instruction an operation comes from.
-    ("rspirv", &["module", "ops", "sanitize"]),
+    ("rspirv", &["module", "ops", "reflect", "sanitize"]),
     ("codespan_reporting", &["error"]),
     ("naga", &["compile"]),
     ("glslang", &["compile"]),

@@ -205,8 +205,15 @@ fn test_targets(words: &[&str]) -> Result<(), String> {
     if !read("Cargo.toml").contains(&format!("[[test]]\nname = \"{name}\"\n")) {
         return Err(format!("there is no test {name}"));
     }
+    // `rays::` is a folder, `laws::` a file in one of them.
+    let tests = root().join("tests");
+    let folders = || fs::read_dir(&tests).expect("the tests").map(|entry| entry.expect("an entry").path());
     let mut areas = words.iter().filter_map(|word| word.split_once("::"));
-    areas.try_for_each(|(area, _)| exists(&format!("tests/{area}.rs")))
+    areas.try_for_each(|(area, _)| {
+        let is_file = folders().any(|folder| folder.join(format!("{area}.rs")).is_file());
+        let is_known = is_file || tests.join(area).join("mod.rs").is_file();
+        if is_known { Ok(()) } else { Err(format!("no test module is named {area}")) }
+    })
 }
 
 fn exists(path: &str) -> Result<(), String> {

@@ -19,7 +19,7 @@ mod lss_slang;
 mod triangle;
 
 const PAGE: &str = "docs/testing.md";
-const FOLDER: &str = "tests/first_tests";
+const FOLDER: &str = "tests/rust/first_tests";
 
 /// The files of the page: their names, and what this folder holds of them.
 fn files() -> Vec<(PathBuf, String)> {

@@ -14,8 +14,8 @@ use crate::number::NumberType;
 use anyhit_base::error::{Error, ErrorKind, Result};
 use anyhit_engine::math::float_format::FloatFormat;
 use anyhit_engine::module::ty::{Member, Type};
-use anyhit_engine::reflect::value::FloatValue;
-use anyhit_engine::reflect::{FromParts, Layout, Scalar};
+use anyhit_engine::reflect::value::{FloatValue, ScalarContent};
+use anyhit_engine::reflect::{FromParts, Layout};
 
 /// A value that a shader left: a payload, a buffer, a member or an element of one.
 ///
@@ -42,7 +42,7 @@ impl PartialEq for Value {
 
 #[derive(Clone, Debug)]
 enum Content {
-    Scalar(Scalar),
+    Scalar(ScalarContent),
     List(Vec<Value>),
     Struct(Vec<(String, Value)>),
     Opaque,
@@ -51,7 +51,7 @@ enum Content {
 impl PartialEq for Content {
     fn eq(&self, other: &Self) -> bool {
         match (self, other) {
-            (Self::Scalar(Scalar::Float(one)), Self::Scalar(Scalar::Float(two))) => {
+            (Self::Scalar(ScalarContent::Float(one)), Self::Scalar(ScalarContent::Float(two))) => {
                 one == two || one.as_f64().is_nan() && two.as_f64().is_nan()
             }
             (Self::Scalar(one), Self::Scalar(two)) => integer(*one) == integer(*two),
@@ -64,19 +64,19 @@ impl PartialEq for Content {
 }
 
 /// The number of a scalar that is no float.
-fn integer(scalar: Scalar) -> Option<i128> {
+fn integer(scalar: ScalarContent) -> Option<i128> {
     match scalar {
-        Scalar::Bool(value) => Some(value.into()),
-        Scalar::Int(value) => Some(value.into()),
-        Scalar::Uint(value) | Scalar::Address(value) => Some(value.into()),
-        Scalar::Float(_) | Scalar::Handle(_) => None,
+        ScalarContent::Bool(value) => Some(value.into()),
+        ScalarContent::Int(value) => Some(value.into()),
+        ScalarContent::Uint(value) | ScalarContent::Address(value) => Some(value.into()),
+        ScalarContent::Float(_) | ScalarContent::Handle(_) => None,
     }
 }
 
 impl FromParts for Value {
-    fn scalar(layout: Layout<'_>, bytes: &[u8], scalar: Scalar) -> Self {
+    fn scalar(layout: Layout<'_>, bytes: &[u8], scalar: ScalarContent) -> Self {
         match scalar {
-            Scalar::Handle(_) => Self::opaque(layout),
+            ScalarContent::Handle(_) => Self::opaque(layout),
             scalar => Self::new(layout, bytes, Content::Scalar(scalar)),
         }
     }
@@ -136,19 +136,19 @@ impl Value {
         match &self.content {
             Content::Scalar(scalar) => {
                 let kind = match (*scalar, self.bytes.len()) {
-                    (Scalar::Float(FloatValue::F64(_)), _) => NumberType::F64,
-                    (Scalar::Float(FloatValue::F32(_)), _) => NumberType::F32,
-                    (Scalar::Float(FloatValue::F16(_)), _) => NumberType::F16,
-                    (Scalar::Float(FloatValue::Small(format, _)), _) => match format {
+                    (ScalarContent::Float(FloatValue::F64(_)), _) => NumberType::F64,
+                    (ScalarContent::Float(FloatValue::F32(_)), _) => NumberType::F32,
+                    (ScalarContent::Float(FloatValue::F16(_)), _) => NumberType::F16,
+                    (ScalarContent::Float(FloatValue::Small(format, _)), _) => match format {
                         FloatFormat::BFloat16 => NumberType::Bf16,
                         FloatFormat::E4M3 => NumberType::E4m3,
                         FloatFormat::E5M2 => NumberType::E5m2,
                         _ => NumberType::F16,
                     },
-                    (Scalar::Int(_), 1) => NumberType::I8,
-                    (Scalar::Int(_), 2) => NumberType::I16,
-                    (Scalar::Int(_), 8) => NumberType::I64,
-                    (Scalar::Int(_), _) => NumberType::I32,
+                    (ScalarContent::Int(_), 1) => NumberType::I8,
+                    (ScalarContent::Int(_), 2) => NumberType::I16,
+                    (ScalarContent::Int(_), 8) => NumberType::I64,
+                    (ScalarContent::Int(_), _) => NumberType::I32,
                     (_, 1) => NumberType::U8,
                     (_, 2) => NumberType::U16,
                     (_, 8) => NumberType::U64,
@@ -252,7 +252,7 @@ impl Value {
         }
     }
 
-    fn as_scalar(&self) -> Option<Scalar> {
+    fn as_scalar(&self) -> Option<ScalarContent> {
         match &self.content {
             Content::Scalar(scalar) => Some(*scalar),
             // A block of one member is used like the member.
@@ -274,8 +274,8 @@ impl Value {
     #[must_use]
     pub fn f32(&self) -> f32 {
         match self.as_scalar() {
-            Some(Scalar::Float(FloatValue::F64(_))) | None => self.is_not("a float"),
-            Some(Scalar::Float(value)) => value.as_f64() as f32,
+            Some(ScalarContent::Float(FloatValue::F64(_))) | None => self.is_not("a float"),
+            Some(ScalarContent::Float(value)) => value.as_f64() as f32,
             Some(_) => self.is_not("a float"),
         }
     }
@@ -288,7 +288,7 @@ impl Value {
     #[must_use]
     pub fn f64(&self) -> f64 {
         match self.as_scalar() {
-            Some(Scalar::Float(value)) => value.as_f64(),
+            Some(ScalarContent::Float(value)) => value.as_f64(),
             _ => self.is_not("a float"),
         }
     }
@@ -301,7 +301,7 @@ impl Value {
     #[must_use]
     pub fn u32(&self) -> u32 {
         match self.as_scalar() {
-            Some(Scalar::Uint(value) | Scalar::Address(value)) => {
+            Some(ScalarContent::Uint(value) | ScalarContent::Address(value)) => {
                 u32::try_from(value).unwrap_or_else(|_| self.is_not("a uint"))
             }
             _ => self.is_not("a uint"),
@@ -316,7 +316,7 @@ impl Value {
     #[must_use]
     pub fn i32(&self) -> i32 {
         match self.as_scalar() {
-            Some(Scalar::Int(value)) => i32::try_from(value).unwrap_or_else(|_| self.is_not("an int")),
+            Some(ScalarContent::Int(value)) => i32::try_from(value).unwrap_or_else(|_| self.is_not("an int")),
             _ => self.is_not("an int"),
         }
     }
@@ -329,7 +329,7 @@ impl Value {
     #[must_use]
     pub fn integer(&self) -> i128 {
         match self.as_scalar() {
-            Some(scalar) if !matches!(scalar, Scalar::Bool(_)) => integer(scalar),
+            Some(scalar) if !matches!(scalar, ScalarContent::Bool(_)) => integer(scalar),
             _ => None,
         }
         .unwrap_or_else(|| self.is_not("an integer"))
@@ -343,7 +343,7 @@ impl Value {
     #[must_use]
     pub fn bool(&self) -> bool {
         match self.as_scalar() {
-            Some(Scalar::Bool(value)) => value,
+            Some(ScalarContent::Bool(value)) => value,
             _ => self.is_not("a bool"),
         }
     }
@@ -460,13 +460,15 @@ impl Explain for Value {
 impl fmt::Debug for Value {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match &self.content {
-            Content::Scalar(Scalar::Bool(value)) => write!(f, "{value}"),
-            Content::Scalar(Scalar::Int(value)) => write!(f, "{value}"),
-            Content::Scalar(Scalar::Uint(value) | Scalar::Address(value) | Scalar::Handle(value)) => {
+            Content::Scalar(ScalarContent::Bool(value)) => write!(f, "{value}"),
+            Content::Scalar(ScalarContent::Int(value)) => write!(f, "{value}"),
+            Content::Scalar(
+                ScalarContent::Uint(value) | ScalarContent::Address(value) | ScalarContent::Handle(value),
+            ) => {
                 write!(f, "{value}u")
             }
-            Content::Scalar(Scalar::Float(FloatValue::F64(value))) => write!(f, "{value:?}"),
-            Content::Scalar(Scalar::Float(value)) => write!(f, "{:?}", value.as_f64() as f32),
+            Content::Scalar(ScalarContent::Float(FloatValue::F64(value))) => write!(f, "{value:?}"),
+            Content::Scalar(ScalarContent::Float(value)) => write!(f, "{:?}", value.as_f64() as f32),
             Content::List(elements) => {
                 write!(f, "{} ", self.ty)?;
                 f.debug_list().entries(elements.iter().take(64)).finish()

@@ -37,8 +37,7 @@ impl PlaceContext {
         Layout::new(&self.module, ty, Rules::Packed)
     }
 
-    /// The rules that place variables of a storage class: workgroup memory may have no layout of its
-    /// own.
+    /// The rules that place variables of a storage class: workgroup memory may have no layout.
     pub(super) fn rules(&self, storage_class: u32) -> Rules {
         match storage_class {
             storage::WORKGROUP if self.packed_workgroup => Rules::Packed,

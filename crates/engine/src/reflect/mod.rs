@@ -15,4 +15,4 @@ pub mod value;
 
 pub use layout::{Layout, MAX_WORDS, Rules};
 pub use path::{MemoryPart, ScalarSearch, shorten};
-pub use read::{FromParts, Scalar};
+pub use read::FromParts;

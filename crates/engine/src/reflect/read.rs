@@ -4,29 +4,14 @@ use crate::module::ty::{Type, TypeId};
 use crate::ops::pointer::storage;
 use crate::ops::translate::array_length;
 use crate::reflect::Layout;
-use crate::reflect::value::FloatValue;
-
-/// A scalar read from bytes.
-#[derive(Clone, Copy, Debug)]
-pub enum Scalar {
-    /// A bool.
-    Bool(bool),
-    /// A signed integer.
-    Int(i64),
-    /// An unsigned integer.
-    Uint(u64),
-    /// A float.
-    Float(FloatValue),
-    /// A device address.
-    Address(u64),
-    /// The handle of a resource, or another pointer.
-    Handle(u64),
-}
+use crate::reflect::value::{
+    AddressValue, FloatValue, ScalarContent, TypedValue, ValueContent, ValueMember, type_name,
+};
 
 /// A kind of value that [`Layout::read`] builds.
 pub trait FromParts: Sized {
     /// A scalar from its bytes, and those bytes; missing ones are left out.
-    fn scalar(layout: Layout<'_>, bytes: &[u8], scalar: Scalar) -> Self;
+    fn scalar(layout: Layout<'_>, bytes: &[u8], scalar: ScalarContent) -> Self;
 
     /// A vector, a matrix or an array, from the first byte on, with its parts.
     fn list(layout: Layout<'_>, bytes: &[u8], parts: Vec<Self>) -> Self;
@@ -36,6 +21,37 @@ pub trait FromParts: Sized {
 
     /// A value that is not read: its type has none, or the module has too many.
     fn opaque(layout: Layout<'_>) -> Self;
+}
+
+impl FromParts for ValueContent {
+    fn scalar(_: Layout<'_>, _: &[u8], scalar: ScalarContent) -> Self {
+        match scalar {
+            ScalarContent::Bool(value) => Self::Bool(value),
+            ScalarContent::Int(value) => Self::Int(value),
+            ScalarContent::Uint(value) | ScalarContent::Handle(value) => Self::Uint(value),
+            ScalarContent::Float(value) => Self::Float(value),
+            ScalarContent::Address(address) => Self::Address(AddressValue { address, place: None }),
+        }
+    }
+
+    fn list(_: Layout<'_>, _: &[u8], parts: Vec<Self>) -> Self {
+        Self::List(parts)
+    }
+
+    fn structure(layout: Layout<'_>, _: &[u8], members: Vec<Self>) -> Self {
+        let Type::Struct { members: declared, .. } = layout.module.ty(layout.ty) else {
+            return Self::List(members);
+        };
+        let named = declared.iter().zip(members).enumerate().map(|(at, (member, content))| ValueMember {
+            name: if member.name.is_empty() { format!("member {at}") } else { member.name.clone() },
+            value: TypedValue { ty: type_name(layout.module, member.ty), content },
+        });
+        Self::Members(named.collect())
+    }
+
+    fn opaque(layout: Layout<'_>) -> Self {
+        Self::Text(type_name(layout.module, layout.ty))
+    }
 }
 
 impl Layout<'_> {
@@ -50,22 +66,28 @@ impl Layout<'_> {
     }
 
     /// Reads a scalar; `None` for other types.
-    pub fn read_scalar(self, bytes: &[u8]) -> Option<Scalar> {
+    pub fn read_scalar(self, bytes: &[u8]) -> Option<ScalarContent> {
         let mut bits = [0; 8];
         let size = self.size().min(bits.len()).min(bytes.len());
         bits[..size].copy_from_slice(&bytes[..size]);
         let bits = u64::from_le_bytes(bits);
         Some(match self.module.ty(self.ty) {
             _ if !self.is_scalar() => return None,
-            Type::Bool => Scalar::Bool(bits != 0),
+            Type::Bool => ScalarContent::Bool(bits != 0),
             &Type::Int { width, signed } => {
                 let unused = 64 - width.clamp(1, 64);
                 let bits = bits << unused;
-                if signed { Scalar::Int(bits as i64 >> unused) } else { Scalar::Uint(bits >> unused) }
+                if signed {
+                    ScalarContent::Int(bits as i64 >> unused)
+                } else {
+                    ScalarContent::Uint(bits >> unused)
+                }
             }
-            ty @ Type::Float { .. } => Scalar::Float(FloatValue::of_bits(ty.float_format()?, bits)),
-            Type::Pointer { storage_class: storage::PHYSICAL_STORAGE_BUFFER, .. } => Scalar::Address(bits),
-            _ => Scalar::Handle(bits),
+            ty @ Type::Float { .. } => ScalarContent::Float(FloatValue::of_bits(ty.float_format()?, bits)),
+            Type::Pointer { storage_class: storage::PHYSICAL_STORAGE_BUFFER, .. } => {
+                ScalarContent::Address(bits)
+            }
+            _ => ScalarContent::Handle(bits),
         })
     }
 

@@ -8,9 +8,9 @@ use serde::ser::{Serialize, Serializer};
 use crate::machine::DeviceMemory;
 use crate::math::float_format::FloatFormat;
 use crate::module::Module;
-use crate::module::ty::{Type, TypeId};
+use crate::module::ty::TypeId;
 use crate::ops::builtin::{Builtin, ValueShape};
-use crate::reflect::{FromParts, Layout, Rules, Scalar};
+use crate::reflect::{Layout, Rules};
 
 /// The number of elements that text shows of a list.
 const MAX_ELEMENTS: usize = 16;
@@ -46,6 +46,23 @@ pub enum ValueContent {
     Members(Vec<ValueMember>),
     /// What is told in words: a resource, an array too long to be listed.
     Text(String),
+}
+
+/// A scalar.
+#[derive(Clone, Copy, Debug)]
+pub enum ScalarContent {
+    /// A bool.
+    Bool(bool),
+    /// A signed integer.
+    Int(i64),
+    /// An unsigned integer.
+    Uint(u64),
+    /// A float.
+    Float(FloatValue),
+    /// A device address.
+    Address(u64),
+    /// The handle of a resource, or another pointer.
+    Handle(u64),
 }
 
 /// A member of a struct.
@@ -325,37 +342,6 @@ fn shortest(format: FloatFormat, value: f32) -> String {
 pub fn type_name(module: &Module, ty: TypeId) -> String {
     let described = module.describe_type(ty);
     described.strip_prefix("struct ").map_or_else(|| described.clone(), str::to_owned)
-}
-
-impl FromParts for ValueContent {
-    fn scalar(_: Layout<'_>, _: &[u8], scalar: Scalar) -> Self {
-        match scalar {
-            Scalar::Bool(value) => Self::Bool(value),
-            Scalar::Int(value) => Self::Int(value),
-            Scalar::Uint(value) | Scalar::Handle(value) => Self::Uint(value),
-            Scalar::Float(value) => Self::Float(value),
-            Scalar::Address(address) => Self::Address(AddressValue { address, place: None }),
-        }
-    }
-
-    fn list(_: Layout<'_>, _: &[u8], parts: Vec<Self>) -> Self {
-        Self::List(parts)
-    }
-
-    fn structure(layout: Layout<'_>, _: &[u8], members: Vec<Self>) -> Self {
-        let Type::Struct { members: declared, .. } = layout.module.ty(layout.ty) else {
-            return Self::List(members);
-        };
-        let named = declared.iter().zip(members).enumerate().map(|(at, (member, content))| ValueMember {
-            name: if member.name.is_empty() { format!("member {at}") } else { member.name.clone() },
-            value: TypedValue { ty: type_name(layout.module, member.ty), content },
-        });
-        Self::Members(named.collect())
-    }
-
-    fn opaque(layout: Layout<'_>) -> Self {
-        Self::Text(type_name(layout.module, layout.ty))
-    }
 }
 
 fn uints(words: &[u32]) -> ValueContent {

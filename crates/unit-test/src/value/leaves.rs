@@ -1,7 +1,7 @@
 //! The scalars in a value, one after the other with their paths.
 
 use super::{Content, Value, integer};
-use anyhit_engine::reflect::Scalar;
+use anyhit_engine::reflect::value::ScalarContent;
 
 /// A scalar in a value.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -15,9 +15,9 @@ pub enum Leaf {
 impl Leaf {
     /// The number of a scalar; `None` for a handle.
     #[must_use]
-    pub fn of(scalar: Scalar) -> Option<Self> {
+    pub fn of(scalar: ScalarContent) -> Option<Self> {
         match scalar {
-            Scalar::Float(value) => Some(Self::Float(value.as_f64())),
+            ScalarContent::Float(value) => Some(Self::Float(value.as_f64())),
             scalar => integer(scalar).map(Self::Integer),
         }
     }
