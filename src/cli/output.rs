@@ -153,9 +153,9 @@ pub(super) fn picture_parser() -> impl TypedValueParser<Value = PathBuf> {
 pub(super) enum ColorArg {
     /// On terminals, except where `NO_COLOR`, `CLICOLOR` or `TERM` say otherwise.
     Auto,
-    /// Always.
+    /// Everywhere, also in files and pipes.
     Always,
-    /// Never.
+    /// On no stream.
     Never,
 }
 

@@ -43,8 +43,8 @@ fn exit_codes_and_streams() {
     assert!(!err.contains('\u{1b}'), "no colour where no terminal is: {err}");
 }
 
-/// The rule of <https://bixense.com/clicolors> and <https://no-color.org>, for errors, explanations and
-/// clap's answers, none of which goes to a terminal here.
+/// The rule of <https://bixense.com/clicolors> and <https://no-color.org>, for errors, explanations
+/// and clap's answers, none of which goes to a terminal here.
 #[test]
 fn one_rule_decides_on_colours() {
     const SCENE: &str = "tests/debugger/trace-one-ray/sphere.toml";

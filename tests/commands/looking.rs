@@ -482,7 +482,7 @@ fn a_browser_shows_the_explanation_of_a_pixel() {
         return;
     };
     let page = file("browser.html");
-    printed(&["render", LEAVES, "--heat", "any-hit", "--html", &page, "-o", &file("browser.png")]);
+    let heat = printed(&["render", LEAVES, "--heat", "any-hit", "--html", &page, "-o", &file("browser.png")]);
     let address = |pixel: &str| format!("file://{page}{pixel}");
     let escaped = |text: &str| text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;");
 
@@ -498,8 +498,11 @@ fn a_browser_shows_the_explanation_of_a_pixel() {
     assert_eq!(element(&dom, "legend-title"), "any-hit invocations per pixel");
     assert_eq!(dom.matches("<option value=").count(), 11, "ten sizes, and as wide as there is room");
 
+    // At first the worst pixel of the layer that is shown.
     let dom = in_browser(browser, &address(""));
-    assert_eq!(element(&dom, "pixel-title"), "No pixel is selected");
+    let (_, worst) = heat.split_once("--pixel ").expect("a worst pixel");
+    let worst = worst.split_whitespace().next().expect("its place");
+    assert_eq!(element(&dom, "pixel-title"), format!("Pixel {worst}"));
     // A pixel beyond the picture is the last one.
     let dom = in_browser(browser, &address("#99,99"));
     assert_eq!(element(&dom, "pixel-title"), "Pixel 2,0");

@@ -2,9 +2,9 @@
 
 /// A role of a piece of text.
 ///
-/// The colours have a contrast of at least 4.5 on white and on black (WCAG 2.2, 1.4.3), so that they
-/// are legible on light and on dark terminals. They are entries of the 256-colour palette, whose
-/// values terminals do not vary, unlike those of the first 16.
+/// The colours have a contrast of at least 4.5 on white and on black (WCAG 2.2, 1.4.3), so that
+/// they are legible on light and on dark terminals. They are entries of the 256-colour palette,
+/// whose values terminals do not vary, unlike those of the first 16.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Style {
     /// A heading.

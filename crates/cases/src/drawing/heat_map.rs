@@ -53,7 +53,8 @@ impl Palette {
     }
 }
 
-/// Numbers to be shown by colours, from the first one for 0 to the last one for `top` and all above.
+/// Numbers to be shown by colours, from the first one for 0 to the last one for `top` and all
+/// above.
 #[derive(Clone, Copy, Debug)]
 pub struct HeatMap<'a> {
     /// Width and height.
