@@ -321,7 +321,7 @@ fn a_page_holds_all_that_it_shows() {
     for x in [0, 7, 63] {
         assert_eq!(explained["pixels"][x], json!([x, 0]));
         let pixel = format!("{x},0");
-        assert_eq!(texts[x], printed(&["trace-one-ray", ROW, "--pixel", &pixel, "--locals", "none"]));
+        assert_eq!(texts[x], printed(&["trace-one-ray", ROW, "--pixel", &pixel]));
     }
     assert_eq!(data["command"], json!([format!("anyhit trace-one-ray {ROW}"), ""]));
 }
@@ -338,10 +338,7 @@ fn large_pictures_are_explained_where_it_is_asked_for_and_on_a_grid() {
     assert!(which.starts_with(&format!("{} of 5,184 pixels", pixels.len())), "{which}");
     assert_eq!(data["command"], json!(["anyhit trace-one-ray", " --size 96x54"]));
     let texts: Vec<String> = serde_json::from_slice(&inflated(&explained["texts"])).expect("JSON");
-    assert_eq!(
-        texts[1],
-        printed(&["trace-one-ray", "--pixel", "1,2", "--size", "96x54", "--locals", "none"])
-    );
+    assert_eq!(texts[1], printed(&["trace-one-ray", "--pixel", "1,2", "--size", "96x54"]));
 }
 
 #[test]
@@ -488,7 +485,7 @@ fn a_browser_shows_the_explanation_of_a_pixel() {
 
     let dom = in_browser(browser, &address("#1,0"));
     assert_eq!(element(&dom, "pixel-title"), "Pixel 1,0");
-    let explanation = printed(&["trace-one-ray", LEAVES, "--pixel", "1,0", "--locals", "none"]);
+    let explanation = printed(&["trace-one-ray", LEAVES, "--pixel", "1,0"]);
     assert_eq!(element(&dom, "explanation"), escaped(&explanation));
     assert_eq!(element(&dom, "command-text"), format!("anyhit trace-one-ray {LEAVES} --pixel 1,0"));
     let row = |title: &str, value: &str| format!("<th scope=\"row\">{title}</th><td>{value}</td>");

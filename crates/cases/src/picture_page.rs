@@ -7,6 +7,8 @@ use crate::expect::PictureDifference;
 use crate::observe::fresh_resources;
 use crate::pixel_cost::{Heat, HeatMeasure};
 use anyhit_base::error::Result;
+use anyhit_debugger::line_recorder::FollowedRuns;
+use anyhit_debugger::source_text::source_text;
 use anyhit_debugger::{ExplainRequest, Session};
 use anyhit_engine::pipeline::map_on_threads;
 use anyhit_explain::render::{self, RenderOptions};
@@ -55,8 +57,9 @@ impl ChosenPixels {
     }
 }
 
-/// Explains pixels of a launch, each on resources as the scene describes them, as `anyhit
-/// trace-one-ray` does. What cannot be explained is left out. The passes before run once.
+/// Explains pixels of a launch, each on resources as the scene describes them, with the text that
+/// `anyhit trace-one-ray` prints. What cannot be explained is left out. The passes before run once,
+/// and again for the lines of each pixel.
 pub fn explain(
     session: &Session,
     pass: Option<&str>,
@@ -65,21 +68,32 @@ pub fn explain(
 ) -> Vec<([u32; 2], String)> {
     let resources = fresh_resources(session.assembled());
     let Ok(begin) = session.beginning(pass, resources) else { return Vec::new() };
-    let text = |at: usize| {
-        let [x, y] = pixels[at];
+    let text = |session: &Session, [x, y]: [u32; 2]| {
         let pixel = ExplainRequest::Pixel([x, y, 0]);
         let request = match pass {
             Some(pass) => ExplainRequest::InPass(pass.to_owned(), Box::new(pixel)),
             None => pixel,
         };
         let (mut transcript, _) = session.run_from(&begin, &request).ok()?;
+        let scene = session.scene();
+        let mut read = |name: &str| source_text(&scene.path, name, &mut |path| scene.files.read(path).ok());
+        let runs = FollowedRuns::of_sample(&transcript, 0);
+        // Without lines an explanation is worth as much as before.
+        let _ = session.add_lines(&request, &mut transcript, runs, &mut read);
         if let Some(name) = scene_name {
             name.clone_into(&mut transcript.scene);
         }
         let options = RenderOptions { summary: true, ..RenderOptions::default() };
         Some(([x, y], render::text(&transcript, options)))
     };
-    map_on_threads(pixels.len(), text).into_iter().flatten().collect()
+    // Each thread has memory of its own.
+    let threads = std::thread::available_parallelism().map_or(1, usize::from);
+    let shares: Vec<_> = pixels.chunks(pixels.len().div_ceil(threads).max(1)).collect();
+    let explained = map_on_threads(shares.len(), |at| {
+        let session = session.copied();
+        shares[at].iter().filter_map(|&pixel| text(&session, pixel)).collect::<Vec<_>>()
+    });
+    explained.into_iter().flatten().collect()
 }
 
 /// The heat map of numbers. Its last colour is for `top`, else for the greatest number.
@@ -196,7 +210,10 @@ mod tests {
         for ([x, y], text) in explained {
             let pixel = ExplainRequest::Pixel([x, y, 0]);
             let request = ExplainRequest::InPass("ao".to_owned(), Box::new(pixel));
-            let alone = session.run_on(&request, &fresh_resources(session.assembled())).unwrap().0;
+            let files = &session.scene().files;
+            let mut read = |name: &str| source_text(&path, name, &mut |path| files.read(path).ok());
+            let follow = |transcript: &_| FollowedRuns::of_sample(transcript, 0);
+            let alone = session.copied().run_with_lines(&request, &follow, &mut read).unwrap().0;
             let options = RenderOptions { summary: true, ..RenderOptions::default() };
             assert_eq!(text, render::text(&alone, options), "({x}, {y})");
         }

@@ -73,8 +73,23 @@ impl Session {
     ) -> Result<(Transcript, Option<anyhit_base::error::Error>)> {
         let (mut transcript, trap) = Debugger::keeping_memory(self, || self.run(request))?;
         let runs = follow(&transcript);
-        Debugger::keeping_memory(self, || add_lines(self, request, &mut transcript, runs, read))?;
+        self.add_lines(request, &mut transcript, runs, read)?;
         Ok((transcript, trap))
+    }
+
+    /// Adds the lines of shader runs to the transcript of a request. What the session's resources
+    /// hold stays as it is.
+    ///
+    /// # Errors
+    /// As [`Session::run`].
+    pub fn add_lines(
+        &self,
+        request: &ExplainRequest,
+        transcript: &mut Transcript,
+        runs: FollowedRuns,
+        read: &mut SourceTexts<'_>,
+    ) -> Result<()> {
+        Debugger::keeping_memory(self, || add_lines(self, request, transcript, runs, read))
     }
 }
 

@@ -97,6 +97,15 @@ impl Session {
         Ok(Self { scene, assembled })
     }
 
+    /// A session of the same scene with copies of all that shaders may write, for another thread.
+    #[must_use]
+    pub fn copied(&self) -> Self {
+        let resources = &self.assembled.resources;
+        let copied = self.assembled.written_memory(resources).copied(resources);
+        let resources = Resources { printed: Some(Arc::default()), ..copied };
+        Self { scene: self.scene.clone(), assembled: Assembled { resources, ..self.assembled.clone() } }
+    }
+
     /// Runs a ray or an invocation and returns its transcript. A trap is part of the transcript,
     /// and is also returned as an error.
     ///
