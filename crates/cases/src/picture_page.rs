@@ -12,6 +12,7 @@ use anyhit_debugger::source_text::source_text;
 use anyhit_debugger::{ExplainRequest, Session};
 use anyhit_engine::pipeline::map_on_threads;
 use anyhit_explain::render::{self, RenderOptions};
+use anyhit_scene::Files;
 
 /// Pictures of at most so many pixels have all of them explained.
 const EXPLAINED_WHOLE: u64 = 4096;
