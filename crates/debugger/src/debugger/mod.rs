@@ -69,7 +69,7 @@ use sanitized_steps::{SanitizedSteps, Sanitizing};
 use tracker::{Followed, OthersWork, Tracker};
 use words_then::RegistersNow;
 
-pub use breakpoint::{Breakpoint, BreakpointId, BreakpointPlace, BreakpointTable, TraversalFilter};
+pub use breakpoint::{Breakpoint, BreakpointId, BreakpointPlace, BreakpointTable, HitLog, TraversalFilter};
 pub use condition::{Reason, Watch, WatchedWords, Write};
 pub use course::Time;
 pub use debuggee::{DebuggedLane, LaneActivity};
