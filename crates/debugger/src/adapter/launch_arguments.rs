@@ -31,7 +31,7 @@ const KEYS: [&str; 12] = [
 
 /// Keys that clients use themselves and pass on: those of Visual Studio Code, of Zed and of
 /// dap-mode. Keys that begin with `__` are clients' own, too.
-const CLIENT_KEYS: [&str; 19] = [
+const CLIENT_KEYS: [&str; 20] = [
     "type",
     "request",
     "name",
@@ -48,6 +48,7 @@ const CLIENT_KEYS: [&str; 19] = [
     "label",
     "adapter",
     "tcp_connection",
+    "cwd",
     "dap-server-path",
     "host",
     "debugPort",
@@ -58,7 +59,8 @@ const CLIENT_KEYS: [&str; 19] = [
 /// # Errors
 /// The first key that neither the debugger nor a client knows, with the most similar one.
 pub(super) fn check_keys(arguments: &Value) -> Result<()> {
-    let keys = arguments.as_object().into_iter().flatten();
+    // A member that is null counts as absent.
+    let keys = arguments.as_object().into_iter().flatten().filter(|(_, value)| !value.is_null());
     let unknown = |key: &&String| {
         !KEYS.contains(&key.as_str()) && !CLIENT_KEYS.contains(&key.as_str()) && !key.starts_with("__")
     };
@@ -234,7 +236,7 @@ mod tests {
         assert!(near.contains("unknown key `stopAtEntry`") && near.contains("`stopOnEntry`"), "{near}");
         let far = refused(json!({ "environment": {} }));
         assert!(far.contains("unknown key `environment`") && far.contains("invocation, dispatch"), "{far}");
-        let clients = json!({ "type": "anyhit", "__sessionId": "1", "preLaunchTask": "build", "scene": "a" });
+        let clients = json!({ "type": "anyhit", "__sessionId": "1", "preLaunchTask": "build", "scene": "a", "args": null });
         check_keys(&clients).unwrap();
         check_keys(&Value::Null).unwrap();
     }
