@@ -6,6 +6,8 @@ use std::process::{Command, Output, Stdio};
 use pretty_assertions::assert_eq;
 use serde_json::{Value, json};
 
+use crate::support::skipped::{self, test_name};
+
 const GRASS: &str = "spirv-fixtures/demo/swept-spheres/grass.rchit.spv";
 
 fn anyhit(arguments: &[&str]) -> Command {
@@ -859,4 +861,55 @@ fn a_module_runs_whatever_its_name() {
         assert_eq!(status.code(), Some(0), "{}", String::from_utf8_lossy(&stderr));
         assert!(String::from_utf8_lossy(&stdout).contains("sums = [0, 1, 3, 6"));
     }
+}
+
+/// A shell completes a command, its options and their values.
+#[test]
+fn shells_complete_commands_and_options() {
+    for shell in ["bash", "zsh", "fish", "powershell", "elvish"] {
+        let (code, script, _) = run(&["completions", shell]);
+        assert_eq!(code, Some(0), "{shell}");
+        assert!(script.contains("trace-one-ray") && script.contains("many-seeds"), "{shell}");
+    }
+    assert_eq!(run(&["completions", "cmd"]).0, Some(2));
+    if !skipped::has_programs(test_name!(), &["bash"]) {
+        return;
+    }
+    let (_, script, _) = run(&["completions", "bash"]);
+    let path = scratch("completions.bash", script.as_bytes());
+    for (words, expected) in
+        [("trace", "trace-one-ray"), ("test --juni", "--junit"), ("test --format git", "gitlab")]
+    {
+        let typed = words.split(' ').count();
+        let ask = format!(
+            ". '{}'; COMP_WORDS=(anyhit {words}); COMP_CWORD={typed}; \
+             _anyhit anyhit \"${{COMP_WORDS[$COMP_CWORD]}}\" \"${{COMP_WORDS[$COMP_CWORD-1]}}\"; \
+             printf '%s\\n' \"${{COMPREPLY[@]}}\"",
+            path.display()
+        );
+        let output = Command::new("bash").args(["-c", &ask]).output().expect("bash");
+        let completed = String::from_utf8_lossy(&output.stdout).into_owned();
+        assert!(completed.lines().any(|line| line == expected), "{words}: {completed}");
+    }
+}
+
+/// A page for the program and one for each command, with its options.
+#[test]
+fn manual_pages_describe_every_command() {
+    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("man-pages");
+    let _ = std::fs::remove_dir_all(&folder);
+    let (code, out, err) = run(&["man", folder.to_str().expect("UTF-8")]);
+    assert_eq!((code, out.as_str()), (Some(0), ""), "{err}");
+    let read = |name: &str| {
+        std::fs::read_to_string(folder.join(name)).unwrap_or_else(|error| panic!("{name}: {error}"))
+    };
+    let commands: Vec<String> =
+        anyhit::cli::command().get_subcommands().map(|one| one.get_name().to_owned()).collect();
+    assert!(commands.len() > 8);
+    for command in commands {
+        let page = read(&format!("anyhit-{command}.1"));
+        assert!(page.contains(&format!(".TH anyhit-{command} 1")), "{command}: {page:.200}");
+    }
+    assert!(read("anyhit-test.1").contains("many\\-seeds"));
+    assert!(read("anyhit.1").contains(".TH anyhit 1"));
 }
