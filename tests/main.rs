@@ -44,6 +44,7 @@ mod fixtures;
 mod given_sizes;
 mod grammar_delta;
 mod growth_fit;
+mod hooks;
 mod host_layout;
 mod hostile_text;
 mod instructions;
