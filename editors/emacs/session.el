@@ -1,7 +1,8 @@
 ;;; session.el --- A session of Emacs' dap-mode with `anyhit dap' -*- lexical-binding: t -*-
 
 ;; Emacs itself debugs a pixel: dap-mode starts the adapter, sets a breakpoint, goes where it
-;; stops, steps, evaluates and lets the ray end. `.ci/judge-editors' runs it.
+;; stops, steps, evaluates and lets the ray end. Adapter and template are those of the snippet in
+;; docs/debugging.md. `.ci/judge-editors' runs it.
 ;;
 ;; The scene's facts are those of tests/debugger/dap/vscode-swept-spheres.jsonl: the ray meets two swept
 ;; spheres, the any-hit shader ignores the first, and the closest hit is on the one from (-1, 0, 4)
@@ -20,10 +21,17 @@
       dap-output-buffer-filter nil
       default-directory session-root)
 
-(dap-register-debug-provider
- "anyhit"
- (lambda (conf)
-   (plist-put conf :dap-server-path (list (or (getenv "ANYHIT") "anyhit") "dap"))))
+;; The snippet starts a program of this name.
+(let ((program (getenv "ANYHIT")))
+  (when program
+    (add-to-list 'exec-path (file-name-directory (expand-file-name program)))))
+
+(with-temp-buffer
+  (insert-file-contents (expand-file-name "docs/debugging.md" session-root))
+  (search-forward "```elisp\n")
+  (let ((begin (point)))
+    (search-forward "\n```\n")
+    (eval-region begin (match-beginning 0))))
 
 (defun session-wait (what condition)
   "Wait until CONDITION holds, or fail with WHAT."
@@ -72,12 +80,9 @@
 (forward-line 13)
 (dap-breakpoint-add)
 
-(dap-debug (list :type "anyhit"
-                 :request "launch"
-                 :name "a pixel"
-                 :scene (expand-file-name "scene.toml" session-scene)
-                 :pixel [0 0]
-                 :stopOnEntry t))
+(let ((template (copy-sequence (cdr (assoc "Debug a pixel" dap-debug-template-configurations)))))
+  (setq template (plist-put template :scene (expand-file-name "scene.toml" session-scene)))
+  (dap-debug (plist-put template :pixel [0 0])))
 
 (session-stopped-at "main.rgen" 13)
 (dap-next (dap--cur-session))

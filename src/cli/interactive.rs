@@ -1,5 +1,6 @@
 //! The debugger's prompt: lines from a terminal, with history and completion, or from a script.
 
+use std::cell::RefCell;
 use std::io::{BufRead, IsTerminal, stdin, stdout};
 use std::path::PathBuf;
 
@@ -42,7 +43,7 @@ fn from_terminal(console: Console) -> Result<()> {
     let failed = |error: ReadlineError| Error::new(ErrorKind::Io, format!("the terminal: {error}"));
     let config = Config::builder().completion_type(CompletionType::List).build();
     let mut editor: Editor<Prompt, FileHistory> = Editor::with_config(config).map_err(failed)?;
-    editor.set_helper(Some(Prompt { console }));
+    editor.set_helper(Some(Prompt { console: RefCell::new(console) }));
     let history = history_file();
     if let Some(path) = &history {
         // Without a history the prompt works as well.
@@ -55,7 +56,7 @@ fn from_terminal(console: Console) -> Result<()> {
                     let _ = editor.add_history_entry(line.trim());
                 }
                 let Some(prompt) = editor.helper_mut() else { break };
-                let reply = prompt.console.execute(&line);
+                let reply = prompt.console.get_mut().execute(&line);
                 output::print(&reply.text)?;
                 if reply.quits {
                     break;
@@ -85,7 +86,8 @@ fn history_file() -> Option<PathBuf> {
 
 /// Completes commands and names at the prompt.
 struct Prompt {
-    console: Console,
+    /// Completion evaluates what is before a dot.
+    console: RefCell<Console>,
 }
 
 impl Helper for Prompt {}
@@ -105,6 +107,6 @@ impl Completer for Prompt {
         position: usize,
         _: &Context<'_>,
     ) -> rustyline::Result<(usize, Vec<String>)> {
-        Ok(self.console.complete(&line[..position]))
+        Ok(self.console.borrow_mut().complete(&line[..position]))
     }
 }

@@ -45,15 +45,19 @@ pub(super) struct MergeArgs {
     /// Write the merged result as JSON
     #[arg(long, value_name = "FILE")]
     result: Option<PathBuf>,
-    /// For tests: also write the sanitizer's findings as SARIF 2.1.0
+    /// For tests: also write failed tests and findings as SARIF 2.1.0
     #[arg(long, value_name = "FILE")]
     sarif: Option<PathBuf>,
     /// For tests: write the results as JUnit XML, without times
     #[arg(long, value_name = "FILE")]
     junit: Option<PathBuf>,
-    /// For tests: write the coverage as an lcov tracefile, and print a summary
+    /// For tests: write the coverage as an lcov tracefile, or as Cobertura XML if FILE ends in
+    /// .xml, and print a summary
     #[arg(long, value_name = "FILE")]
     coverage: Option<PathBuf>,
+    /// For tests: write a short report as Markdown
+    #[arg(long, value_name = "FILE")]
+    summary: Option<PathBuf>,
     /// For tests: write the rounded run time of each, for `--timings` of `anyhit test`
     #[arg(long, value_name = "FILE")]
     timings: Option<PathBuf>,
@@ -111,6 +115,7 @@ impl MergeArgs {
         let of_tests = [
             (self.junit.is_some(), "--junit"),
             (self.coverage.is_some(), "--coverage"),
+            (self.summary.is_some(), "--summary"),
             (self.timings.is_some(), "--timings"),
             (self.sarif.is_some(), "--sarif"),
             (self.findings != FindingFormat::Text, "--findings"),
@@ -124,19 +129,16 @@ impl MergeArgs {
                 )
             })
         };
-        let github = self.format == ReportFormat::Github && command != SuiteResult::COMMAND;
-        let github = github.then(|| {
-            let of = SuiteResult::COMMAND;
-            format!(
-                "`--format github` applies to results of `anyhit {of}`; these are results of `anyhit {command}`"
-            )
-        });
+        let of_format = [
+            (self.format == ReportFormat::Github, "--format github"),
+            (self.format == ReportFormat::Gitlab, "--format gitlab"),
+        ];
         let without_json = [RenderResult::COMMAND, "stress"].contains(&command);
         let json = (self.format == ReportFormat::Json && without_json)
             .then(|| format!("`anyhit {command}` has no JSON report"));
         let mistake = wrong(&of_tests, SuiteResult::COMMAND)
             .or_else(|| wrong(&of_pictures, RenderResult::COMMAND))
-            .or(github)
+            .or_else(|| wrong(&of_format, SuiteResult::COMMAND))
             .or(json);
         mistake.map_or(Ok(()), |message| Err(Error::new(ErrorKind::InvalidArgument, message)))
     }
@@ -154,6 +156,7 @@ impl MergeArgs {
             junit: self.junit.as_deref(),
             coverage: self.coverage.as_deref(),
             sarif: self.sarif.as_deref(),
+            summary: self.summary.as_deref(),
             timings: self.timings.as_deref(),
             with_times: false,
         };

@@ -8,6 +8,7 @@
 mod check_math;
 mod compare;
 mod compile;
+mod completions;
 #[cfg(feature = "debugger")]
 mod dap;
 mod input;
@@ -16,6 +17,7 @@ mod inspect;
 mod interactive;
 mod interrupt;
 mod limits;
+mod man;
 mod many_seeds;
 mod merge;
 mod module_file;
@@ -83,6 +85,8 @@ commands! {
     verify Verify(VerifyArgs),
     compile Compile(CompileArgs),
     schema Schema(SchemaArgs),
+    completions Completions(CompletionsArgs),
+    man Man(ManArgs),
     #[cfg(feature = "stress")]
     check_math CheckMath(CheckMathArgs),
     #[cfg(feature = "stress")]

@@ -7,10 +7,12 @@ use serde_json::json;
 
 use crate::cli::output;
 use crate::cli::sanitize::FindingFormat;
-use anyhit_base::error::{Error, ErrorClass, ErrorKind, Result};
+use anyhit_base::error::{Error, ErrorKind, Result};
 use anyhit_base::{atomic_file, escape};
-use anyhit_cases::suite::{Ended, KeptFinding, SuiteResult, SuiteWhole, TestResult, junit, report};
-use anyhit_sanitize::{FindingRecord, formats};
+use anyhit_cases::suite::{
+    Ended, KeptFinding, SuiteResult, SuiteWhole, TestResult, gitlab, junit, report, sarif, summary,
+};
+use anyhit_sanitize::FindingRecord;
 
 /// How results are printed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
@@ -22,16 +24,20 @@ pub(super) enum ReportFormat {
     Github,
     /// One JSON object
     Json,
+    /// A JSON report of code quality that GitLab shows at the shader's line
+    Gitlab,
 }
 
 /// The files that are asked for.
 pub(super) struct SuiteFiles<'a> {
     /// The report as JUnit XML.
     pub junit: Option<&'a Path>,
-    /// The coverage as an lcov tracefile.
+    /// The coverage: an lcov tracefile, or XML of Cobertura for a name that ends in `.xml`.
     pub coverage: Option<&'a Path>,
-    /// The findings as SARIF.
+    /// Failed tests and findings as SARIF.
     pub sarif: Option<&'a Path>,
+    /// A short report in Markdown.
+    pub summary: Option<&'a Path>,
     /// How long tests took.
     pub timings: Option<&'a Path>,
     /// Whether the JUnit report tells how long tests took.
@@ -47,12 +53,14 @@ impl SuiteFiles<'_> {
             unwritten.extend(written.err());
         }
         if let Some(path) = self.sarif {
-            let text = format!("{}\n", formats::sarif(&records_of(&result.findings())));
+            let text = format!("{}\n", sarif(result));
             unwritten.extend(output::write_data(path, &text).err());
         }
         if let Some(path) = self.coverage {
-            let text = result.coverage.as_ref().map(|coverage| coverage.lcov()).unwrap_or_default();
-            unwritten.extend(atomic_file::write(path, text).err());
+            unwritten.extend(atomic_file::write(path, coverage_text(result, path)).err());
+        }
+        if let Some(path) = self.summary {
+            unwritten.extend(atomic_file::write(path, summary(result)).err());
         }
         if let Some(path) = self.timings {
             unwritten.extend(atomic_file::write(path, result.timings().to_json()).err());
@@ -61,17 +69,35 @@ impl SuiteFiles<'_> {
     }
 }
 
+/// The coverage of a suite in the format of a file.
+fn coverage_text(result: &SuiteResult, path: &Path) -> String {
+    let Some(coverage) = &result.coverage else { return String::new() };
+    match path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("xml")) {
+        true => {
+            let folder = std::env::current_dir().unwrap_or_default();
+            coverage.cobertura(&escape::path(&folder).to_string())
+        }
+        false => coverage.lcov(),
+    }
+}
+
 /// Refuses two kinds of data for one standard output: the report as JSON has the findings already.
 ///
 /// # Errors
 /// `InvalidArgument`.
 pub(super) fn check_formats(format: ReportFormat, findings: FindingFormat) -> Result<()> {
-    if format != ReportFormat::Json || matches!(findings, FindingFormat::Text | FindingFormat::Json) {
+    let fits = match format {
+        ReportFormat::Plain | ReportFormat::Github => true,
+        ReportFormat::Json => matches!(findings, FindingFormat::Text | FindingFormat::Json),
+        ReportFormat::Gitlab => findings == FindingFormat::Text,
+    };
+    if fits {
         return Ok(());
     }
-    let message = "`--format json` and `--findings` cannot both print to standard output";
+    let name = if format == ReportFormat::Json { "json" } else { "gitlab" };
+    let message = format!("`--format {name}` and `--findings` cannot both print to standard output");
     Err(Error::new(ErrorKind::InvalidArgument, message)
-        .note("the JSON report contains the findings; `--sarif FILE` writes them as SARIF"))
+        .note("the report contains the findings; `--sarif FILE` writes them as SARIF"))
 }
 
 /// Prints what became of a test.
@@ -80,16 +106,17 @@ pub(super) fn check_formats(format: ReportFormat, findings: FindingFormat) -> Re
 /// `Io`.
 pub(super) fn print_test(test: &TestResult, format: ReportFormat) -> Result<()> {
     match format {
-        ReportFormat::Json => Ok(()),
+        ReportFormat::Json | ReportFormat::Gitlab => Ok(()),
         ReportFormat::Plain => output::print(&test.text),
         ReportFormat::Github => {
-            let annotation = test.annotation.as_deref().map(escape::workflow_annotation);
+            let annotation = report::github(test).as_deref().map(escape::workflow_annotation);
             let log = escape::printed(&test.text, false);
-            output::print_commands(format_args!(
-                "{}{}",
-                escape::workflow_log(&log),
-                annotation.unwrap_or_default()
-            ))
+            let log = escape::workflow_log(&log);
+            let Some(annotation) = annotation else { return output::print_commands(log) };
+            // A log shows the first line of a group, and the rest where it is opened.
+            let title = format!("{}  {}", test.ended.word(), escape::line(&test.name));
+            let title = escape::workflow_message(&title);
+            output::print_commands(format_args!("::group::{title}\n{log}::endgroup::\n{annotation}"))
         }
     }
 }
@@ -105,7 +132,9 @@ pub(super) fn print_end(
     finding_format: FindingFormat,
 ) -> Result<()> {
     let findings = result.findings();
-    if format == ReportFormat::Json {
+    if format == ReportFormat::Gitlab {
+        output::print_data(format_args!("{:#}\n", gitlab(result)))?;
+    } else if format == ReportFormat::Json {
         let mut json = report::json(result);
         if whole.shadow {
             json["shadow"] = result.shadow().json(None);
@@ -154,14 +183,12 @@ pub(super) fn records_of<'a>(findings: impl IntoIterator<Item = &'a KeptFinding>
 /// The error that becomes the exit code; everything about it is printed already.
 ///
 /// # Errors
-/// The class of the first test that could not run; else `Expectation` where tests failed.
+/// The most severe class of the tests that did not pass.
 pub(super) fn verdict(result: &SuiteResult) -> Result<()> {
-    if let Some(broken) = result.tests.iter().find(|test| test.ended == Ended::Error) {
-        let class = broken.class.unwrap_or(ErrorClass::Other);
-        return Err(Error::of_class(class, "a test could not run"));
-    }
-    match result.count(Ended::Failed) {
-        0 => Ok(()),
-        failed => Err(Error::new(ErrorKind::Expectation, format!("{failed} tests failed"))),
-    }
+    let Some(class) = result.class() else { return Ok(()) };
+    let message = match result.count(Ended::Error) {
+        0 => format!("{} tests failed", result.count(Ended::Failed)),
+        _ => "a test could not run".to_owned(),
+    };
+    Err(Error::of_class(class, message))
 }

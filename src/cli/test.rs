@@ -4,6 +4,8 @@ use std::io::stdout;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
+use serde_json::{Value, json};
+
 use crate::cli::input::SceneFileArgs;
 use crate::cli::limits::LimitArgs;
 use crate::cli::many_seeds::ManySeedsArgs;
@@ -28,8 +30,11 @@ use anyhit_scene::SceneFiles;
 
 /// Run test cases: scenes with `[expect]` and `*.test.toml` files of rays.
 ///
-/// If a test cannot run, the exit code is that of its error; otherwise 1 if an expectation failed.
+/// The exit code is that of the most severe failure: from most to least severe 2 (a test could not
+/// run), 5 (a limit was exceeded), 4 (not supported), 6 (a denied finding), 3 (a shader trapped),
+/// 1 (an expectation failed).
 #[derive(Debug, clap::Args)]
+#[command(mut_arg("sarif", |_| sarif_arg()))]
 pub(super) struct TestArgs {
     /// Scene files, and folders, which are searched for `scene.toml` and `*.test.toml`
     #[arg(value_name = "PATH", default_value = ".")]
@@ -37,7 +42,8 @@ pub(super) struct TestArgs {
     /// Run the tests whose names contain TEXT; may be repeated to match any of several texts
     #[arg(long, value_name = "TEXT")]
     filter: Vec<String>,
-    /// Print the names of the tests without running them
+    /// Print the names of the tests without running them; with `--format json` also their files and
+    /// lines
     #[arg(long)]
     list: bool,
     /// Update recorded values and renderings; derived values, which have `because`, are kept
@@ -72,7 +78,11 @@ pub(super) struct TestArgs {
     /// With --junit: omit run times, which differ from run to run
     #[arg(long, requires = "junit")]
     no_times: bool,
-    /// Write line and branch coverage of the shaders as an lcov tracefile, and print a summary
+    /// Also write a short report as Markdown, for the page of a workflow
+    #[arg(long, value_name = "FILE")]
+    summary: Option<PathBuf>,
+    /// Write line and branch coverage of the shaders, and print a summary: an lcov tracefile, or
+    /// Cobertura XML if FILE ends in .xml
     #[arg(long, value_name = "FILE")]
     coverage: Option<PathBuf>,
     #[command(flatten)]
@@ -97,8 +107,17 @@ pub(super) struct TestArgs {
     explain_lines: usize,
     /// Write a first case for modules: PATH... are the module files, followed by the folder to
     /// create
-    #[arg(long, conflicts_with_all = ["filter", "list", "bless", "shard", "result", "junit", "coverage"])]
+    #[arg(long, conflicts_with_all = ["filter", "list", "bless", "shard", "result", "junit", "coverage", "summary"])]
     init: bool,
+}
+
+/// `--sarif`, which needs no sanitizer here: failed tests are results, too.
+fn sarif_arg() -> clap::Arg {
+    clap::Arg::new("sarif")
+        .long("sarif")
+        .value_name("FILE")
+        .value_parser(clap::value_parser!(PathBuf))
+        .help("Also write failed tests and findings to this file (`-` for standard output) as SARIF 2.1.0")
 }
 
 /// Runs the command.
@@ -132,8 +151,7 @@ pub(super) fn run(args: TestArgs) -> Result<()> {
         suite.shard(shard, timings.as_ref());
     }
     if args.list {
-        let names: String = suite.tests().iter().map(|test| format!("{}\n", test.name)).collect();
-        return output::print(names);
+        return list(&suite, args.format);
     }
     let result = execute(&args, &suite, known)?;
     let results = ShareResults::new(whole, shard.unwrap_or(Shard::WHOLE), result);
@@ -141,6 +159,7 @@ pub(super) fn run(args: TestArgs) -> Result<()> {
         junit: args.junit.as_deref(),
         coverage: args.coverage.as_deref(),
         sarif: args.sanitize.sarif(),
+        summary: args.summary.as_deref(),
         timings: args.write_timings.as_deref(),
         with_times: !args.no_times,
     };
@@ -154,6 +173,20 @@ pub(super) fn run(args: TestArgs) -> Result<()> {
     }
     print_end(results.whole(), &result, args.format, args.sanitize.format())?;
     if unwritten.is_empty() { verdict(&result) } else { Err(Error::several(unwritten)) }
+}
+
+/// Prints the tests of a suite.
+fn list(suite: &Suite, format: ReportFormat) -> Result<()> {
+    if format != ReportFormat::Json {
+        let names: String = suite.tests().iter().map(|test| format!("{}\n", test.name)).collect();
+        return output::print(names);
+    }
+    let tests = suite.tests().iter().map(|test| {
+        let (file, line) = suite.place_of(test);
+        json!({ "name": test.name, "file": escape::path(&file).to_string(), "line": line })
+    });
+    let tests: Vec<Value> = tests.collect();
+    output::print_data(format_args!("{:#}\n", json!({ "version": report::VERSION, "tests": tests })))
 }
 
 impl TestArgs {

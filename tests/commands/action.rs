@@ -184,6 +184,8 @@ impl Runner {
             command
                 .env("GITHUB_ACTION_PATH", ROOT)
                 .env("GITHUB_WORKSPACE", &workspace)
+                .env("GITHUB_JOB", "shaders")
+                .env("GITHUB_STEP_SUMMARY", self.path("temp").join("summary"))
                 .env("GITHUB_OUTPUT", &output)
                 .env("GITHUB_PATH", &path)
                 .env("GITHUB_ENV", &env)
@@ -255,6 +257,9 @@ fn a_green_project_passes_and_leaves_its_reports() {
     let junit = std::fs::read(reports.join("junit.xml")).expect("the report");
     assert_eq!(junit_parser::from_reader(junit.as_slice()).expect("JUnit XML").tests, 1);
     assert!(reports.join("coverage.lcov").is_file());
+    assert_eq!(ran.context["steps.test.outputs.artifact"], "anyhit-shaders");
+    let summary = std::fs::read_to_string(runner.path("temp/summary")).expect("the summary");
+    assert!(summary.starts_with("### anyhit: 1 passed"), "{summary}");
     let program = &ran.context["steps.install.outputs.anyhit"];
     let version = Command::new(program).arg("--version").output().expect("the installed program");
     assert_eq!(String::from_utf8_lossy(&version.stdout), concat!("anyhit ", env!("CARGO_PKG_VERSION"), "\n"));
@@ -275,6 +280,92 @@ fn a_red_project_fails_with_an_annotation_from_the_root_of_the_repository() {
     let annotation = "::error file=engine/shader tests/red/ball.test.toml,line=16,";
     assert!(ran.out.lines().any(|line| line.starts_with(annotation)), "{}", ran.out);
     assert!(Path::new(&ran.context["steps.test.outputs.reports"]).join("junit.xml").is_file());
+    let summary = std::fs::read_to_string(runner.path("temp/summary")).expect("the summary");
+    assert!(summary.contains("| engine/shader tests/red/ball.test.toml:16 |"), "{summary}");
+    let sarif = std::fs::read_to_string(&ran.context["steps.test.outputs.sarif"]).expect("the results");
+    assert!(sarif.contains("\"test-failed\"") && sarif.contains("engine/shader%20tests/red"), "{sarif}");
+}
+
+/// A folder without tests, one that is not there, and an option that is none.
+#[test]
+fn what_cannot_run_has_an_annotation() {
+    if !skipped::has_programs(test_name!(), PROGRAMS) {
+        return;
+    }
+    let runner = Runner::new();
+    project(&runner, "cases", "3.5");
+    runner.file("empty/README", b"nothing");
+    for (inputs, message) in [
+        (&[("cases", "missing")][..], "names `missing`, which does not exist"),
+        (&[("cases", "cases\nempty")], "names `empty`, which contains no test"),
+        (&[("cases", "-h")], "names `-h`, which does not exist"),
+        (&[("cases", " ")], "names no folder"),
+        (&[("cases", "cases"), ("args", "--no-such-option")], "ended with exit code 2 before it ran a test"),
+    ] {
+        let ran = runner.run(inputs, &[]);
+        assert!(!ran.well, "{}", ran.out);
+        let annotation = "::error title=the cases were not run::";
+        let told = ran.out.lines().find(|line| line.starts_with(annotation)).unwrap_or_default();
+        assert!(told.contains(message), "{inputs:?}: {}", ran.out);
+    }
+}
+
+/// Names of artifacts differ by job, place in a matrix, shard and use in a job.
+#[test]
+fn artifacts_have_names_of_their_own() {
+    if !skipped::has_programs(test_name!(), PROGRAMS) {
+        return;
+    }
+    let runner = Runner::new();
+    project(&runner, "cases", "3.5");
+    let shard = [("cases", "cases"), ("shard", "1"), ("shards", "2")];
+    let named = [("cases", "cases"), ("artifact", "a b\n/c")];
+    let in_matrix = [("MATRIX_JOBS", "3"), ("MATRIX_JOB", "2")];
+    let mut uses = Vec::new();
+    for (inputs, environment) in [
+        (&[("cases", "cases")][..], &[][..]),
+        (&[("cases", "cases")], &in_matrix),
+        (&shard, &in_matrix),
+        (&named, &in_matrix),
+    ] {
+        let ran = runner.run(inputs, environment);
+        assert!(ran.well, "{}", ran.out);
+        uses.push(ran.context["steps.test.outputs.artifact"].clone());
+        assert!(Path::new(&ran.context["steps.test.outputs.reports"]).join("junit.xml").is_file());
+    }
+    let expected = ["anyhit-shaders", "anyhit-shaders-3-use-2", "anyhit-shaders-3-shard-1-use-3", "a_b__c"];
+    assert_eq!(uses, expected);
+}
+
+/// A tag or a commit pins the version of the action's files; a branch follows the latest.
+#[test]
+fn a_pin_brings_the_program_of_its_release() {
+    if !skipped::has_programs(test_name!(), PROGRAMS) {
+        return;
+    }
+    let runner = Runner::new();
+    let server = format!("file://{}", runner.path("server").display());
+    let of_version = concat!("download/v", env!("CARGO_PKG_VERSION"));
+    for (reference, folder) in [
+        ("2f1c0dfe9d2d2c0f0c4d1c7b8a5e6f7a8b9c0d1e", of_version),
+        ("v0", of_version),
+        ("v0.1", of_version),
+        ("", of_version),
+        ("main", "latest/download"),
+        ("v-next", "latest/download"),
+    ] {
+        let releases = runner.path("server/owner/anyhit/releases");
+        let _ = std::fs::remove_dir_all(&releases);
+        std::fs::create_dir_all(releases.join(folder)).expect("a folder");
+        for file in [ARCHIVE.to_owned(), format!("{ARCHIVE}.sha256")] {
+            std::fs::copy(RELEASE.join(&file), releases.join(folder).join(&file)).expect("a copy");
+        }
+        let ran = runner.run(
+            &[("repository", "owner/anyhit")],
+            &[("ANYHIT_RELEASES", ""), ("SERVER", &server), ("ACTION_REF", reference)],
+        );
+        assert!(ran.well, "{reference}: {}", ran.out);
+    }
 }
 
 #[test]
@@ -342,7 +433,18 @@ fn options_are_words_of_the_program() {
     // A line each, with blanks within.
     let ran = runner.run(&[("cases", "cases"), ("args", "--filter=onto it\n--fail-fast\n")], &[]);
     assert!(ran.well && ran.out.contains("1 passed"), "{}", ran.out);
-    assert!(!ran.context.contains_key("steps.test.outputs.sarif"));
+    let limited = [
+        ("cases", "cases"),
+        ("timeout", "300"),
+        ("limits", "scene-memory=2GiB file-bytes=1MiB"),
+        ("result", "true"),
+    ];
+    let ran = runner.run(&limited, &[]);
+    assert!(ran.well && ran.out.contains("1 passed"), "{}", ran.out);
+    let result = std::fs::read_to_string(&ran.context["steps.test.outputs.result"]).expect("the result");
+    assert!(result.contains("\"command\""), "{result:.200}");
+    let ran = runner.run(&[("cases", "cases"), ("limits", "scene-bytes=10")], &[]);
+    assert!(!ran.well && ran.out.contains("scene-bytes"), "{}", ran.out);
     for (input, value, told) in [
         ("many-seeds", "0", "--many-seeds"),
         ("args", "--timeout 300", "a value behind `=`"),
@@ -379,5 +481,47 @@ fn no_input_is_a_command_of_the_shell() {
             let _ = runner.run(&inputs, &[]);
             assert!(!planted.exists(), "{input}={text}");
         }
+    }
+    for input in ["timeout", "limits", "result", "artifact"] {
+        let _ = runner.run(&[("cases", "cases"), (input, &format!("a[$(touch {touch})]"))], &[]);
+        assert!(!planted.exists(), "{input}");
+    }
+}
+
+/// Tags of releases: the latest of all, the latest of a major version, a patch of an older line
+/// and a pre-release.
+#[test]
+fn only_the_latest_version_becomes_the_latest_release() {
+    if !skipped::has_programs(test_name!(), &["bash", "git", "sort"]) {
+        return;
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    std::fs::create_dir(folder.path().join(".ci")).expect("a folder");
+    for file in [".ci/release", "Cargo.toml", "CHANGELOG.md"] {
+        std::fs::copy(Path::new(ROOT).join(file), folder.path().join(file)).expect("a copy");
+    }
+    let run = |program: &str, arguments: &[&str]| {
+        let mut command = Command::new(program);
+        command.args(arguments).current_dir(folder.path());
+        for (name, value) in [("AUTHOR", "a"), ("COMMITTER", "a")] {
+            command.env(format!("GIT_{name}_NAME"), value).env(format!("GIT_{name}_EMAIL"), "a@example.org");
+        }
+        command.output().expect("it starts").status.success()
+    };
+    assert!(run("git", &["init", "-q"]) && run("git", &["commit", "-q", "--allow-empty", "-m", "a"]));
+    for tag in ["v0", "v0.9.0", "v0.10.0", "v0.10.1", "v1.0.0", "v1.1.0-rc.1", "v1.0.1-rc.1"] {
+        assert!(run("git", &["tag", tag]), "{tag}");
+    }
+    let latest = |arguments: &[&str]| run("bash", &[&[".ci/release", "--latest"], arguments].concat());
+    assert!(latest(&["v1.0.0"]) && latest(&["v1.0.0", "v1.*"]));
+    assert!(latest(&["v0.10.1", "v0.*"]));
+    for others in [
+        &["v0.10.1"][..],
+        &["v0.10.0", "v0.*"],
+        &["v0.9.0", "v0.*"],
+        &["v1.1.0-rc.1"],
+        &["v1.1.0-rc.1", "v1.*"],
+    ] {
+        assert!(!latest(others), "{others:?}");
     }
 }

@@ -6,6 +6,8 @@ use std::process::{Command, Output, Stdio};
 use pretty_assertions::assert_eq;
 use serde_json::{Value, json};
 
+use crate::support::skipped::{self, test_name};
+
 const GRASS: &str = "spirv-fixtures/demo/swept-spheres/grass.rchit.spv";
 
 fn anyhit(arguments: &[&str]) -> Command {
@@ -153,7 +155,7 @@ fn what_is_undefined_in_any_run_is_told_without_being_asked() {
     let report: Value = serde_json::from_str(&out).expect("JSON");
     assert_eq!((code, &report["findings"][0]["level"]), (Some(0), &json!("warn")));
     let (code, out, _) = run(&["test", case, "--sanitize"]);
-    assert_eq!(code, Some(1), "{out}");
+    assert_eq!(code, Some(6), "{out}");
 
     // It depends on no input that `smoke` makes up.
     let (code, out, _) = run(&["smoke", BALL]);
@@ -241,7 +243,7 @@ fn findings_of_several_scenes_are_told_apart_by_their_modules() {
         (code, counts)
     };
     // Three components are divided by zero in each of the three scenes.
-    let expected = (Some(1), vec![6, 3]);
+    let expected = (Some(6), vec![6, 3]);
     assert_eq!(counts(&["test", folder, "--sanitize", "--findings", "json"]), expected);
     // Shares have the same to tell.
     let shares: Vec<String> = (1..=2)
@@ -249,7 +251,7 @@ fn findings_of_several_scenes_are_told_apart_by_their_modules() {
             let file = format!("{folder}/share{number}.json");
             let shard = format!("{number}/2");
             let (code, out, err) = run(&["test", folder, "--sanitize", "--shard", &shard, "--result", &file]);
-            assert_eq!(code, Some(1), "{out}{err}");
+            assert_eq!(code, Some(6), "{out}{err}");
             file
         })
         .collect();
@@ -276,7 +278,7 @@ fn a_baseline_keeps_known_findings_out_of_a_suite() {
     assert_eq!((code, out.contains("int-div-zero")), (Some(0), false), "{out}{err}");
     std::fs::write(baseline, known.replace("int-div-zero", "shift-width")).expect("written");
     let (code, ..) = run(&["test", folder, "--sanitize", "--baseline", baseline]);
-    assert_eq!(code, Some(1));
+    assert_eq!(code, Some(6));
 }
 
 #[test]
@@ -891,4 +893,55 @@ fn a_module_runs_whatever_its_name() {
         assert_eq!(status.code(), Some(0), "{}", String::from_utf8_lossy(&stderr));
         assert!(String::from_utf8_lossy(&stdout).contains("sums = [0, 1, 3, 6"));
     }
+}
+
+/// A shell completes a command, its options and their values.
+#[test]
+fn shells_complete_commands_and_options() {
+    for shell in ["bash", "zsh", "fish", "powershell", "elvish"] {
+        let (code, script, _) = run(&["completions", shell]);
+        assert_eq!(code, Some(0), "{shell}");
+        assert!(script.contains("trace-one-ray") && script.contains("many-seeds"), "{shell}");
+    }
+    assert_eq!(run(&["completions", "cmd"]).0, Some(2));
+    if !skipped::has_programs(test_name!(), &["bash"]) {
+        return;
+    }
+    let (_, script, _) = run(&["completions", "bash"]);
+    let path = scratch("completions.bash", script.as_bytes());
+    for (words, expected) in
+        [("trace", "trace-one-ray"), ("test --juni", "--junit"), ("test --format git", "gitlab")]
+    {
+        let typed = words.split(' ').count();
+        let ask = format!(
+            ". '{}'; COMP_WORDS=(anyhit {words}); COMP_CWORD={typed}; \
+             _anyhit anyhit \"${{COMP_WORDS[$COMP_CWORD]}}\" \"${{COMP_WORDS[$COMP_CWORD-1]}}\"; \
+             printf '%s\\n' \"${{COMPREPLY[@]}}\"",
+            path.display()
+        );
+        let output = Command::new("bash").args(["-c", &ask]).output().expect("bash");
+        let completed = String::from_utf8_lossy(&output.stdout).into_owned();
+        assert!(completed.lines().any(|line| line == expected), "{words}: {completed}");
+    }
+}
+
+/// A page for the program and one for each command, with its options.
+#[test]
+fn manual_pages_describe_every_command() {
+    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("man-pages");
+    let _ = std::fs::remove_dir_all(&folder);
+    let (code, out, err) = run(&["man", folder.to_str().expect("UTF-8")]);
+    assert_eq!((code, out.as_str()), (Some(0), ""), "{err}");
+    let read = |name: &str| {
+        std::fs::read_to_string(folder.join(name)).unwrap_or_else(|error| panic!("{name}: {error}"))
+    };
+    let commands: Vec<String> =
+        anyhit::cli::command().get_subcommands().map(|one| one.get_name().to_owned()).collect();
+    assert!(commands.len() > 8);
+    for command in commands {
+        let page = read(&format!("anyhit-{command}.1"));
+        assert!(page.contains(&format!(".TH anyhit-{command} 1")), "{command}: {page:.200}");
+    }
+    assert!(read("anyhit-test.1").contains("many\\-seeds"));
+    assert!(read("anyhit.1").contains(".TH anyhit 1"));
 }

@@ -165,3 +165,76 @@ fn the_commands_of_the_page_are_real() {
     }
     assert!(count >= 6, "{count} lines");
 }
+
+/// The first lines of the page, for each shard and then for all.
+#[test]
+fn the_example_of_the_page_does_every_share() {
+    let page = page();
+    let block = page.split("```text\n").nth(1).and_then(|rest| rest.split("```").next()).expect("a block");
+    let folder = scratch("recipe-page");
+    let here = |name: &str| format!("{}/{name}", folder.display());
+    for shard in 1..=4 {
+        let command = line(block, "anyhit test").split('#').next().expect("a command");
+        let command = command.replace("1/4", &format!("{shard}/4"));
+        let command = command.replace("1.lcov", &here(&format!("{shard}.lcov")));
+        let ran = shell(&command.replace("1.json", &here(&format!("{shard}.json"))), &folder, &[]);
+        assert_eq!(ran.code, Some(0), "{}", ran.err);
+    }
+    let mut merge = line(block, "anyhit merge").to_owned();
+    for name in ["1.json", "2.json", "3.json", "4.json", "junit.xml", "coverage.lcov"] {
+        merge = merge.replace(name, &here(name));
+    }
+    let ran = shell(&merge, &folder, &[]);
+    assert_eq!(ran.code, Some(0), "{}", ran.err);
+    assert!(folder.join("junit.xml").is_file() && folder.join("coverage.lcov").is_file());
+}
+
+/// A command of a recipe that goes on over several lines: those that stand further in.
+fn folded(text: &str, words: &str) -> String {
+    let depth = |line: &str| line.len() - line.trim_start().len();
+    let mut lines = text.lines().skip_while(|line| !line.contains(words));
+    let first = lines.next().unwrap_or_else(|| panic!("no line with {words}"));
+    let rest = lines.take_while(|line| {
+        depth(line) >= depth(first) && !line.trim().starts_with("- ") && line.trim() != "'''"
+    });
+    let all = std::iter::once(first).chain(rest).map(|line| line.trim().trim_end_matches(" \\"));
+    all.take_while(|line| !line.ends_with(':')).collect::<Vec<_>>().join(" ")
+}
+
+/// The commands of the recipes for GitLab and Jenkins, with the files that they publish.
+#[test]
+fn the_pipelines_of_gitlab_and_jenkins_do_every_share() {
+    let page = std::fs::read_to_string(root().join("docs/ci-recipes.md")).expect("the page");
+    let (gitlab, jenkins) = page.split_once("## Jenkins").expect("both recipes");
+    for (name, recipe, program, index) in
+        [("gitlab", gitlab, ".anyhit/bin/anyhit", "CI_NODE_INDEX"), ("jenkins", jenkins, "./anyhit", "SHARD")]
+    {
+        let folder = scratch(&format!("recipe-{name}"));
+        let here = |command: String| {
+            let mut command = command.replace(program, "anyhit");
+            for file in ["coverage.xml", "junit.xml", "results.sarif", "code-quality.json"] {
+                command = command.replace(file, &format!("results/{file}"));
+            }
+            command.replace(" pictures", " results/pictures")
+        };
+        for shard in 1..=4 {
+            let variables = [(index, shard.to_string()), ("CI_NODE_TOTAL", "4".to_owned())];
+            let ran = shell(&here(folded(recipe, &format!("{program} test"))), &folder, &variables);
+            assert_eq!(ran.code, Some(0), "{name}: {} {}", ran.out, ran.err);
+        }
+        let ran = shell(&here(folded(recipe, &format!("{program} merge"))), &folder, &[]);
+        assert_eq!(ran.code, Some(0), "{name}: {} {}", ran.out, ran.err);
+        let read = |file: &str| {
+            std::fs::read_to_string(folder.join(file))
+                .unwrap_or_else(|error| panic!("{name}: {file}: {error}"))
+        };
+        assert!(read("coverage.xml").contains("<class name="), "{name}");
+        assert!(read("results.sarif").contains("2.1.0"), "{name}");
+        if name == "gitlab" {
+            let quality: serde_json::Value = serde_json::from_str(&read("code-quality.json")).expect("JSON");
+            assert!(quality.is_array());
+        } else {
+            assert!(read("junit.xml").contains("<testsuites"));
+        }
+    }
+}

@@ -178,7 +178,7 @@ fn failed_traps_tell_what_happened() {
     let out = prints("report", 1);
     assert!(out.contains("the report of the trap differs"), "{out}");
     assert!(out.contains("-    = in RayGenerationKHR `main`, launch id (4, 0, 0)"), "{out}");
-    let out = prints("unexpected-trap", 1);
+    let out = prints("unexpected-trap", 3);
     assert!(out.contains("a shader trapped: a buffer is accessed outside its range"), "{out}");
     assert!(out.contains("shaders/fail/memory/out-of-bounds/main.rgen:11"), "{out}");
 }
@@ -242,8 +242,11 @@ fn rays_of_a_scene_are_told_by_their_names() {
     ] {
         assert!(out.contains(words), "{words}: {out}");
     }
-    let out = prints("trapped-ray", 1);
-    assert!(out.contains("the ray trapped: a buffer is accessed outside its range"), "{out}");
+    let out = prints("trapped-ray", 3);
+    assert!(
+        out.contains("the ray `beyond the end` trapped: a buffer is accessed outside its range"),
+        "{out}"
+    );
 }
 
 #[test]
@@ -582,7 +585,10 @@ fn what_a_test_says_is_no_workflow_command() {
     // What the file says stays within its line.
     let commands: Vec<&str> =
         ran.out.lines().map(str::trim_start).filter(|line| line.starts_with("::")).collect();
-    assert!(matches!(commands[..], [one] if one.starts_with("::error file=")), "{}", ran.out);
+    let [group, end, annotation] = commands[..] else { panic!("{}", ran.out) };
+    assert!(group.starts_with("::group::FAILED  "), "{group}");
+    assert_eq!(end, "::endgroup::");
+    assert!(annotation.starts_with("::error file="), "{annotation}");
     assert!(ran.out.contains(r"what\u000a::add-mask::a\u000a::stop-commands::b"), "{}", ran.out);
 }
 
@@ -642,6 +648,8 @@ fn junit_counts_and_holds_every_test() {
     assert_eq!(root.suites[0].name.replace('\\', "/"), paths[0]);
     let failed = &root.suites[0].cases[0];
     assert_eq!(failed.original_name, "tests/commands/test-command/payload::colour and count");
+    assert_eq!(failed.classname.as_deref(), Some("tests.commands.test-command.payload"));
+    assert_eq!(failed.file.as_deref(), Some(paths[0].as_str()));
     let failure = failed.status.failure_as_ref();
     assert!(failure.message.contains("payload.colour[1]: expected 0.75"), "{failure:?}");
     assert!(
@@ -651,6 +659,139 @@ fn junit_counts_and_holds_every_test() {
     let error = root.suites[1].cases[0].status.error_as_ref();
     assert!(error.message.contains("struct Payload has no member `color`"), "{error:?}");
     assert!(root.suites[2].cases.iter().all(|case| case.status.is_success()));
+}
+
+/// A ray stands at its `[[ray]]`, a launch at the begin of its file.
+#[test]
+fn a_list_has_files_and_lines() {
+    let ran = run(&[CASES, LEAVES, "--list", "--format", "json"]);
+    assert_eq!(ran.code, Some(0), "{}", ran.err);
+    let list: Value = serde_json::from_str(&ran.out).expect("JSON");
+    let tests = list["tests"].as_array().expect("tests");
+    let names = run(&[CASES, LEAVES, "--list"]).out;
+    assert_eq!(
+        tests.iter().map(|test| test["name"].as_str()).collect::<Vec<_>>(),
+        names.lines().map(Some).collect::<Vec<_>>()
+    );
+    for test in tests {
+        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join(test["file"].as_str().expect("a file"));
+        let text = std::fs::read_to_string(&file).expect("the test's file");
+        let line = test["line"].as_u64().expect("a line") as usize;
+        match test["name"].as_str().and_then(|name| name.split_once("::")) {
+            None => assert_eq!(line, 1, "{test}"),
+            Some((_, ray)) => {
+                assert!(text.lines().nth(line - 1).expect("a line").starts_with("[[ray]]"), "{test}");
+                let own = text.lines().skip(line).take_while(|line| !line.starts_with("[[ray]]"));
+                let is_named = own.clone().any(|line| line.starts_with("name =") && line.contains(ray));
+                assert!(is_named || ray.starts_with("ray "), "{test}");
+            }
+        }
+    }
+}
+
+/// The kinds of failures in a folder of one case each, and the codes of the page.
+#[test]
+fn the_exit_code_is_that_of_the_most_severe_failure() {
+    let case = |name: &str| format!("{CASES}/{name}");
+    for (cases, code) in [
+        (&["payload.test.toml"][..], 1),
+        (&["unexpected-trap/scene.toml"], 3),
+        (&["trapped-ray/scene.toml"], 3),
+        (&["payload.test.toml", "unexpected-trap/scene.toml"], 3),
+        (&["unexpected-trap/scene.toml", "mistakes.test.toml"], 2),
+    ] {
+        let paths: Vec<String> = cases.iter().map(|name| case(name)).collect();
+        let paths: Vec<&str> = paths.iter().map(String::as_str).collect();
+        assert_eq!(run(&paths).code, Some(code), "{cases:?}");
+    }
+    // The payload's file is larger than it may be: nothing of it runs.
+    assert_eq!(run(&[&case("payload.test.toml"), "--limit", "scene-bytes=10"]).code, Some(5));
+}
+
+/// The fields that GitLab requires of a report of code quality: description, name of the check,
+/// fingerprint, severity and place (docs.gitlab.com, "Code Quality report format").
+#[test]
+fn gitlab_has_an_issue_for_every_failure() {
+    let ran = run(&[CASES, "--format", "gitlab", "--no-explanation"]);
+    assert_eq!(ran.code, Some(2));
+    let report: Value = serde_json::from_str(&ran.out).expect("JSON");
+    let issues = report.as_array().expect("an array");
+    let json = run(&[CASES, "--format", "json", "--no-explanation"]);
+    let json: Value = serde_json::from_str(&json.out).expect("JSON");
+    let count = |key: &str| json[key].as_u64().expect("a count") as usize;
+    assert_eq!(issues.len(), count("failed") + count("errors"));
+    let mut fingerprints = std::collections::BTreeSet::new();
+    for issue in issues {
+        let text = |key: &str| issue[key].as_str().unwrap_or_else(|| panic!("{key}: {issue}"));
+        assert!(!text("description").is_empty() && text("check_name").starts_with("test-"), "{issue}");
+        assert!(["info", "minor", "major", "critical", "blocker"].contains(&text("severity")), "{issue}");
+        assert!(fingerprints.insert(text("fingerprint").to_owned()), "{issue}");
+        let path = issue["location"]["path"].as_str().expect("a path");
+        assert!(Path::new(env!("CARGO_MANIFEST_DIR")).join(path).is_file(), "{path}");
+        assert!(!path.contains("..") && !path.starts_with("./"), "{path}");
+        assert!(issue["location"]["lines"]["begin"].as_u64().is_some_and(|line| line > 0), "{issue}");
+    }
+}
+
+/// A failed test is a result at the line that is to blame, and a row of the short report.
+#[test]
+fn sarif_and_the_summary_list_failed_tests() {
+    let folder = scratch("tools");
+    let file = |name: &str| folder.join(name).to_str().expect("UTF-8").to_owned();
+    let (sarif, summary) = (file("a.sarif"), file("a.md"));
+    let payload = format!("{CASES}/payload.test.toml");
+    let ran = run(&[&payload, LEAVES, "--sarif", &sarif, "--summary", &summary]);
+    assert_eq!(ran.code, Some(1), "{}", ran.err);
+    let text = std::fs::read_to_string(&sarif).expect("the results");
+    let sarif: Value = serde_json::from_str(&text).expect("JSON");
+    let run = &sarif["runs"][0];
+    let results = run["results"].as_array().expect("results");
+    assert_eq!(results.len(), 1, "{text}");
+    assert_eq!((&results[0]["ruleId"], &results[0]["level"]), (&"test-failed".into(), &"error".into()));
+    let rules = run["tool"]["driver"]["rules"].as_array().expect("rules");
+    assert!(rules.iter().any(|rule| rule["id"] == results[0]["ruleId"]), "{text}");
+    let place = &results[0]["locations"][0]["physicalLocation"];
+    let uri = place["artifactLocation"]["uri"].as_str().expect("a path");
+    // The line that writes the second component, as the text of the failure says.
+    assert!(uri.ends_with("testing/leaves/leaf.rchit"), "{uri}");
+    assert_eq!(place["region"]["startLine"], 13);
+    let summary = std::fs::read_to_string(&summary).expect("the summary");
+    let row = summary.lines().find(|line| line.starts_with("| tests/")).expect("a row");
+    assert!(summary.starts_with("### anyhit: 3 passed, 1 failed\n"), "{summary}");
+    assert!(row.contains("payload") && row.contains("leaf.rchit:13") && row.contains("0.75"), "{row}");
+}
+
+/// Several scenes that lead to one source by different ways have one record of it, whose name
+/// contains no `..`; Cobertura has the same lines and counts.
+#[test]
+fn coverage_has_one_record_of_a_file() {
+    let folder = scratch("one-record");
+    let tree = |name: &str| folder.join(name);
+    std::fs::create_dir_all(tree("shaders")).expect("a folder");
+    std::fs::write(
+        tree("shaders/c.wgsl"),
+        "@group(0) @binding(0) var<storage, read_write> numbers: array<u32>;\n\
+         @compute @workgroup_size(1)\nfn main() {\n    numbers[0] = 7u;\n}\n",
+    )
+    .expect("a file");
+    for case in ["a", "b"] {
+        let scene = "version = 1\n[shaders]\nmain = '../../shaders/c.wgsl'\n[[dispatch]]\nshader = 'main'\n\
+                     groups = 1\n[resources.numbers]\ntype = 'storage_buffer'\nbinding = 0\nsize = 4\n\
+                     [[expect.buffer]]\nname = 'numbers'\nu32 = [7]\nbecause = 'the shader'\n";
+        std::fs::create_dir_all(tree("cases").join(case)).expect("a folder");
+        std::fs::write(tree("cases").join(case).join("scene.toml"), scene).expect("a file");
+    }
+    for (name, record) in [("c.lcov", "SF:"), ("c.xml", "filename=")] {
+        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_anyhit"));
+        command.args(["test", "cases", "--root", ".", "--coverage", name]).current_dir(&folder);
+        let output = command.output().expect("the program");
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let text = std::fs::read_to_string(tree(name)).expect("the coverage");
+        assert_eq!(text.matches(record).count(), 1, "{text}");
+        assert!(text.contains("shaders/c.wgsl") && !text.contains(".."), "{text}");
+        // Line 4 ran once in each case.
+        assert!(text.contains("DA:4,2") || text.contains("<line number=\"4\" hits=\"2\""), "{text}");
+    }
 }
 
 #[test]

@@ -235,6 +235,11 @@ fn runs_backwards_and_commands_are_cancelled() {
 }
 
 #[test]
+fn names_are_completed_and_values_set_and_copied() {
+    hold("values.jsonl");
+}
+
+#[test]
 fn a_ray_of_a_unit_test_is_debugged() {
     hold("test-case.jsonl");
 }
@@ -367,6 +372,39 @@ fn completions_take_letters_of_any_size() {
             }
         }
     }
+}
+
+/// A client that asks for no page is told of parts that are not listed, and one that copies a value
+/// has all of it: 10,100 floats, of which the scene sets two.
+#[test]
+fn no_value_is_cut_without_a_word() {
+    let mut adapter = Adapter::start();
+    let mut ask = |command: &str, arguments: Value| {
+        let seq = adapter.request(command, &arguments);
+        adapter.wait_for(|message| message["request_seq"] == seq)["body"].clone()
+    };
+    ask("initialize", json!({ "adapterID": "anyhit" }));
+    ask("launch", json!({ "scene": "tests/debugger/dap/large.toml", "invocation": [0], "stopOnEntry": true }));
+    ask("configurationDone", json!({}));
+    adapter.wait_for(|message| message["event"] == "stopped");
+    let mut ask = |command: &str, arguments: Value| {
+        let seq = adapter.request(command, &arguments);
+        adapter.wait_for(|message| message["request_seq"] == seq)["body"].clone()
+    };
+    let shown = ask("evaluate", json!({ "expression": "nearest", "context": "watch" }));
+    let of = shown["variablesReference"].clone();
+    let list = |body: Value| body["variables"].as_array().expect("variables").clone();
+    let all = list(ask("variables", json!({ "variablesReference": of })));
+    assert_eq!(all.len(), 10_001);
+    assert_eq!((&all[1]["name"], &all[1]["value"]), (&json!("[1]"), &json!("1.5")));
+    let more = "100 more are not listed: print one by its index, `[10000]`";
+    assert_eq!((&all[10_000]["name"], &all[10_000]["value"]), (&json!("..."), &json!(more)));
+    let page = list(ask("variables", json!({ "variablesReference": of, "start": 10_000, "count": 99 })));
+    assert_eq!((page.len(), &page[98]["name"]), (99, &json!("[10098]")));
+    let copied = ask("evaluate", json!({ "expression": "nearest", "context": "clipboard" }));
+    let copied = copied["result"].as_str().expect("a text");
+    assert!(copied.starts_with("(0.5, 1.5, 0, 0, ") && copied.ends_with(", 0)"), "{copied:.40}");
+    assert_eq!(copied.split(", ").count(), 10_100);
 }
 
 /// Every run backwards ends, whatever was cancelled before: the adapter's flag never outlives the

@@ -206,3 +206,31 @@ fn a_parameter_that_is_a_value_is_told() -> anyhit::Result<()> {
     );
     Ok(())
 }
+
+/// A loop of six turns, numbered from 0: the fourth hit is turn 3, in either direction.
+#[test]
+fn hits_are_counted_from_the_start_in_either_direction() {
+    let script = "break main.comp:13 from 4\ncontinue\nprint turn\nrcontinue\nbreakpoints\ncontinue\n\
+                  print turn\ncontinue\nprint turn\nbreakpoints\nrcontinue\nprint turn\nbreakpoints\nrcontinue\n\
+                  delete\nbreak main.comp:13 if turn % 2 == 1 from 2\ncontinue\nprint turn\nrcontinue\n";
+    let (text, errors) = run(&words("tests/debugger/scripts/turns.toml --invocation 0,0,0"), script);
+    assert_eq!(errors, "");
+    tells(
+        &text,
+        &[
+            "turn = uint 3\n",
+            "rcontinue\nthe start of the run\n",
+            "breakpoints\nbreakpoint 1: ",
+            "main.comp:13 from 4\n",
+            "turn = uint 3\n",
+            "turn = uint 4\n",
+            "main.comp:13 from 4, hit 5 times\n",
+            "rcontinue\nbreakpoint 1\n",
+            "turn = uint 3\n",
+            "main.comp:13 from 4, hit 4 times\n",
+            "rcontinue\nthe start of the run\n",
+            "turn = uint 3\n",
+            "rcontinue\nthe start of the run\n",
+        ],
+    );
+}

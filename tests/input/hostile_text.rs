@@ -4,7 +4,7 @@
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-use serde_json::Value;
+use serde_json::{Value, json};
 
 use crate::support::assembly::assemble;
 use crate::support::program::{at, scratch};
@@ -129,6 +129,9 @@ fn run(folder: &Path, arguments: &[&str], input: &str) -> (Option<i32>, String, 
     (output.status.code(), text(output.stdout), text(output.stderr))
 }
 
+/// The commands of a log of `anyhit test --format github`.
+const OWN: &[&str] = &["::error file=", "::group::", "::endgroup::"];
+
 /// Checks that a text neither steers a terminal nor a workflow; `own` are beginnings of lines that
 /// are commands of the program itself.
 fn assert_safe(what: &str, text: &str, own: &[&str]) {
@@ -227,7 +230,7 @@ fn no_stream_passes_it_through() {
     let folder = project("hostile-streams");
     let planted_module = format!("{PLANTED_FILE}.comp.spv");
     let planted_scene = format!("cases/{PLANTED_FILE}/scene.toml");
-    let annotations = ["::error file=", "::warning file=", "::error title=", "::warning title="];
+    let annotations = [OWN, &["::warning file=", "::error title=", "::warning title="]].concat();
     let mut shown = 0;
     for arguments in [
         &["inspect", "bad.spv"][..],
@@ -328,7 +331,8 @@ fn no_file_passes_it_through() {
         ],
         "",
     );
-    assert_eq!(code, Some(1), "{out}{err}");
+    // A shader traps.
+    assert_eq!(code, Some(3), "{out}{err}");
     let read = |path: &str| std::fs::read_to_string(path).unwrap_or_else(|error| panic!("{path}: {error}"));
     let tracefile = read(&lcov);
     assert_safe("lcov", &tracefile, &[]);
@@ -366,7 +370,7 @@ fn no_file_passes_it_through() {
     }
     for format in ["plain", "github"] {
         let (_, merged, err) = run(&folder, &["merge", &result, "--format", format], "");
-        assert_safe("merge", &while_commands_run(&merged), &["::error file="]);
+        assert_safe("merge", &while_commands_run(&merged), OWN);
         assert_safe("merge", &err, &[]);
     }
     for (arguments, name) in [
@@ -400,19 +404,28 @@ fn no_merged_result_passes_it_through() {
         serde_json::from_slice(&std::fs::read(&result).unwrap_or_else(|_| panic!("{out}{err}")))
             .expect("JSON");
     let test = &mut value["shares"]["1"]["tests"][0];
-    for key in ["name", "file", "text", "message"] {
+    for key in ["name", "file", "path", "text", "message"] {
         test[key] = PLANTED.into();
     }
-    test["annotation"] = format!("::add-mask::x\n::error file=a::b{PLANTED}").into();
+    let path = format!("::add-mask::x\n::error file=a::b{PLANTED}");
+    test["problem"] = json!({ "path": path, "line": 1, "report": path });
+    test["json"]["pictures"] = json!([PLANTED]);
     std::fs::write(&result, value.to_string()).expect("a result");
-    for format in ["plain", "github", "json"] {
-        let junit = at(&folder, "merged.xml");
-        let (_, out, err) = run(&folder, &["merge", &result, "--format", format, "--junit", &junit], "");
+    for format in ["plain", "github", "json", "gitlab"] {
+        let [junit, sarif, summary] =
+            ["merged.xml", "merged.sarif", "merged.md"].map(|name| at(&folder, name));
+        let files = ["--junit", &junit, "--sarif", &sarif, "--summary", &summary];
+        let (_, out, err) = run(&folder, &[&["merge", &result, "--format", format][..], &files].concat(), "");
         let out = while_commands_run(&out);
-        assert_safe(format, &out, &["::error file="]);
+        assert_safe(format, &out, OWN);
         assert_safe(format, &err, &[]);
-        let xml = std::fs::read_to_string(&junit).expect("a report");
+        let read = |path: &str| std::fs::read_to_string(path).expect("a report");
+        let xml = read(&junit);
         assert!(!xml.contains("<script") && !xml.contains('\u{1b}'), "{xml}");
+        assert_safe("sarif", &read(&sarif), &[]);
+        let summary = read(&summary);
+        assert_safe("summary", &summary, &[]);
+        assert!(!summary.contains(['<', '>', '[']), "{summary}");
     }
 }
 
@@ -426,7 +439,7 @@ fn a_path_with_a_line_feed_is_shown_with_an_escape() {
     for arguments in [&["run", &scene][..], &["test", &scene], &["test", &scene, "--format", "github"]] {
         let (code, out, err) = run(&folder, arguments, "");
         assert_eq!(code, Some(2), "{out}{err}");
-        assert_safe("path", &out, &["::error file="]);
+        assert_safe("path", &out, OWN);
         assert_safe("path", &err, &[]);
         assert!(format!("{out}{err}").contains(r"\u000a::error::x.spv"), "{out}{err}");
     }

@@ -147,7 +147,7 @@ fn a_test_under_the_sanitizer_runs_what_is_eliminated() {
     fs::write(&scene, SCENE).expect("a writable folder");
     assert_eq!(anyhit(&["test", text(&scene)]).code, Some(0));
     let ran = anyhit(&["test", text(&scene), "--sanitize"]);
-    assert_eq!(ran.code, Some(1), "{ran:?}");
+    assert_eq!(ran.code, Some(3), "{ran:?}");
     assert!(ran.out.contains("a shader trapped under the sanitizer"), "{}", ran.out);
 }
 

@@ -3,6 +3,7 @@
 mod book;
 mod file_circles;
 mod growth_fit;
+mod hooks;
 mod layering;
 mod names;
 mod profiles;

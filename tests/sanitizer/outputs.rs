@@ -96,7 +96,7 @@ fn an_undefined_member_of_a_rays_payload_is_denied() {
         "%undefined = OpLoad %float %k
          OpStore %t %undefined",
     );
-    assert_eq!(code, Some(1), "{text}");
+    assert_eq!(code, Some(6), "{text}");
     assert!(
         text.contains("error[uninit-function]: `k` was never written, and is left in the payload"),
         "{text}"

@@ -11,7 +11,7 @@ use anyhit_base::input::InputLimit;
 use anyhit_base::sorted::{SortedSet, sort};
 use anyhit_engine::pipeline::BatchWidth;
 use anyhit_scene::file::SceneFile;
-use anyhit_scene::read::{Diagnostics, Document, Parse, Table};
+use anyhit_scene::read::{Diagnostics, Document, Parse, Span, Table};
 use anyhit_scene::resolve::refuse_module;
 use anyhit_scene::{
     Assembled, Files, LoadOptions, ParsedScene, ResolvedScene, RunLimits, SceneFiles, assemble, load,
@@ -34,16 +34,26 @@ pub struct Case {
     /// and launches nothing; that of a `*.test.toml` where it has an `[expect]`.
     #[doc(hidden)]
     pub launch: bool,
-    /// The rays that are tests of their own, because they have a `[ray.expect]`: their places in
-    /// the file and their names.
+    /// The rays that are tests of their own, because they have a `[ray.expect]`.
     #[doc(hidden)]
-    pub rays: Vec<(usize, String)>,
+    pub rays: Vec<CaseRay>,
     /// How the scene and what it names are read.
     #[doc(hidden)]
     pub files: SceneFiles,
     /// The file, where it has several cases and no mistakes.
     #[doc(hidden)]
     pub parsed: Option<ParsedScene>,
+}
+
+/// A ray that is a test of its own.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct CaseRay {
+    /// Its place among the rays of its file.
+    pub index: usize,
+    /// Its name, or `ray N`.
+    pub name: String,
+    /// The line of its header, from 1.
+    pub line: u32,
 }
 
 /// A case with everything that it names.
@@ -172,7 +182,12 @@ impl Case {
         let root = file.document.root(&report);
         let rays = each_ray(&file.document, &report, |at, table| {
             let name = table.value("name").and_then(|name| Some(escape::controls(name.text()?).into_owned()));
-            table.has("expect").then(|| (at, name.unwrap_or_else(|| format!("ray {at}"))))
+            table.has("expect").then(|| {
+                let Span { source, range } = table.span();
+                let before = source.text.get(..range.start).unwrap_or_default();
+                let line = before.matches('\n').count() as u32 + 1;
+                CaseRay { index: at, name: name.unwrap_or_else(|| format!("ray {at}")), line }
+            })
         });
         let pipeline = root.value("pipeline").and_then(Table::new);
         let launches = root.has("dispatch")

@@ -18,19 +18,22 @@ pub fn json(findings: &[FindingRecord]) -> String {
 
 /// Findings as SARIF 2.1.0, one run of the tool `anyhit`.
 pub fn sarif(findings: &[FindingRecord]) -> String {
-    let rules: Vec<Value> = rule::all()
-        .chain(rule::of_stops())
-        .map(|rule| {
-            json!({
-                "id": rule.id,
-                "shortDescription": { "text": rule.holds },
-                "fullDescription": { "text": rule.source },
-                "help": { "text": rule.help },
-                "defaultConfiguration": { "level": sarif_level(rule.kind.default_level()) },
-            })
+    sarif_with(findings, Vec::new(), Vec::new())
+}
+
+/// As [`sarif`], with rules and results of others before those of the sanitizer.
+pub fn sarif_with(findings: &[FindingRecord], mut rules: Vec<Value>, mut results: Vec<Value>) -> String {
+    let own = rule::all().chain(rule::of_stops()).map(|rule| {
+        json!({
+            "id": rule.id,
+            "shortDescription": { "text": rule.holds },
+            "fullDescription": { "text": rule.source },
+            "help": { "text": rule.help },
+            "defaultConfiguration": { "level": sarif_level(rule.kind.default_level()) },
         })
-        .collect();
-    let results: Vec<Value> = findings.iter().map(sarif_result).collect();
+    });
+    rules.extend(own);
+    results.extend(findings.iter().map(sarif_result));
     let sarif = json!({
         "$schema": "https://json.schemastore.org/sarif-2.1.0.json",
         "version": "2.1.0",
@@ -89,14 +92,19 @@ fn sarif_result(finding: &FindingRecord) -> Value {
         },
     });
     if let (Some(file), Some(line)) = (finding.shown_path(), finding.line) {
-        result["locations"] = json!([{
-            "physicalLocation": {
-                "artifactLocation": { "uri": uri(file) },
-                "region": { "startLine": line },
-            },
-        }]);
+        result["locations"] = json!([location(file, line as u64)]);
     }
     result
+}
+
+/// A line of a file as a location of SARIF.
+pub fn location(path: &str, line: u64) -> Value {
+    json!({
+        "physicalLocation": {
+            "artifactLocation": { "uri": uri(path) },
+            "region": { "startLine": line },
+        },
+    })
 }
 
 /// A path as SARIF has it (3.4.3): relative to the repository's root, or of the file system.

@@ -25,7 +25,19 @@ export function resultsOf(text: string): TestResult[] {
   }
 }
 
-/** The names that `anyhit test --list` prints. */
-export function namesOf(text: string): string[] {
-  return text.split(/\r?\n/).filter((line) => line.trim() !== "");
+/** A test, and where it stands: a path from the folder of the program, and a line from 1. */
+export interface ListedTest {
+  name: string;
+  file: string;
+  line: number;
+}
+
+/** What `anyhit test --list --format json` prints; no test where the text is no such list. */
+export function testsOf(text: string): ListedTest[] {
+  try {
+    const list = JSON.parse(text) as { tests?: ListedTest[] };
+    return Array.isArray(list.tests) ? list.tests : [];
+  } catch {
+    return [];
+  }
 }

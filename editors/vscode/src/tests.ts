@@ -2,7 +2,7 @@ import { execFile } from "node:child_process";
 import * as path from "node:path";
 import * as vscode from "vscode";
 
-import { Difference, TestResult, namesOf, resultsOf } from "./results";
+import { Difference, TestResult, resultsOf, testsOf } from "./results";
 
 /** What a run of the program has printed. */
 interface Printed {
@@ -47,12 +47,14 @@ export function registerTests(program: (scope?: vscode.Uri) => string): vscode.D
       const listed = await run(
         program(folder.uri),
         folder.uri.fsPath,
-        ["test", "--list", ...paths(folder)],
+        ["test", "--list", "--format", "json", ...paths(folder)],
         token,
       );
-      for (const name of namesOf(listed.stdout)) {
+      for (const { name, file, line } of testsOf(listed.stdout)) {
         const id = `${folder.uri.toString()} ${name}`;
-        const item = controller.createTestItem(id, name, fileOf(folder, name));
+        const uri = vscode.Uri.file(path.resolve(folder.uri.fsPath, file));
+        const item = controller.createTestItem(id, name, uri);
+        item.range = new vscode.Range(line - 1, 0, line - 1, 0);
         controller.items.add(item);
         inFolder.set(id, folder);
       }
@@ -99,12 +101,6 @@ export function registerTests(program: (scope?: vscode.Uri) => string): vscode.D
   };
   controller.createRunProfile("Run", vscode.TestRunProfileKind.Run, execute, true);
   return controller;
-}
-
-/** The scene or test file that a test's name begins with. */
-function fileOf(folder: vscode.WorkspaceFolder, name: string): vscode.Uri {
-  const file = name.match(/^.*?\.toml/)?.[0] ?? path.posix.join(name, "scene.toml");
-  return vscode.Uri.joinPath(folder.uri, file);
 }
 
 function tell(

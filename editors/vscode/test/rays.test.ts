@@ -2,7 +2,7 @@ import assert from "node:assert/strict";
 import test from "node:test";
 
 import { raysOf } from "../src/rays";
-import { namesOf, resultsOf } from "../src/results";
+import { resultsOf, testsOf } from "../src/results";
 
 test("each ray of a scene is found with what debugs it", () => {
   const text = [
@@ -31,7 +31,9 @@ test("each ray of a scene is found with what debugs it", () => {
 });
 
 test("reports of tests are read, and what is none is no error", () => {
-  assert.deepEqual(namesOf("a/scene.toml\r\nb\n\n"), ["a/scene.toml", "b"]);
+  const test = { name: "a/b::up", file: "a/b.test.toml", line: 7 };
+  assert.deepEqual(testsOf(JSON.stringify({ version: 1, tests: [test] })), [test]);
+  assert.deepEqual(testsOf("a/scene.toml\r\nb\n\n"), []);
   assert.equal(resultsOf('{"tests":[{"name":"a","outcome":"passed"}]}')[0].name, "a");
   assert.deepEqual(resultsOf("error: x"), []);
 });

@@ -35,6 +35,18 @@ impl ErrorClass {
         }
     }
 
+    /// The rank among classes of which a command reports one: the highest wins.
+    pub fn severity(self) -> u8 {
+        match self {
+            Self::Expectation => 0,
+            Self::Trap => 1,
+            Self::Finding => 2,
+            Self::Unsupported => 3,
+            Self::Limit => 4,
+            Self::Other => 5,
+        }
+    }
+
     /// The exit code of the command line.
     pub fn exit_code(self) -> u8 {
         match self {

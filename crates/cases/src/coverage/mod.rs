@@ -6,6 +6,7 @@
 //! ([`Program::instruction_spans`](anyhit_engine::program::Program)), and its lines from debug
 //! information. A line that only an eliminated instruction stands on has run where its block has.
 
+mod cobertura;
 mod lcov;
 mod rays;
 mod recorder;

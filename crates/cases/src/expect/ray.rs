@@ -7,6 +7,7 @@ use crate::expect::{
     Difference, Expectations, Fix, HitExpectation, NormalExpectation, Observed, PayloadExpectation, RayFound,
     Subject,
 };
+use anyhit_base::escape;
 use anyhit_engine::accel::Committed;
 use anyhit_scene::read::{Parse, Span, Spanned, Table, TomlValue};
 use anyhit_unit_test::number::Tolerance;
@@ -89,7 +90,6 @@ impl Parse for RayExpectation {
 
 impl RayExpectation {
     pub(super) fn check(&self, observed: &Observed, differences: &mut Vec<Difference>) {
-        let because = self.check.because.as_ref();
         let span = &self.name.span;
         let name = &self.name.value;
         let about = |word| Subject::Ray(name.clone(), word);
@@ -100,8 +100,8 @@ impl RayExpectation {
                 differences.push(Difference::unknown(&self.name, "ray", known));
             }
             Some((_, Err(trap))) => {
-                let message = format!("the ray trapped: {trap}");
-                differences.push(Difference::new(span, message, because).about(about(None)));
+                let trap = trap.clone().context(format!("the ray `{}` trapped", escape::line(name)));
+                differences.push(Difference::of(trap).about(about(None)));
             }
             Some((_, Ok(found))) => {
                 let all = self.check.check(span, found);

@@ -4,7 +4,9 @@ use std::io;
 use std::time::Duration;
 
 use quick_xml::Writer;
+use quick_xml::events::attributes::Attribute;
 use quick_xml::events::{BytesDecl, BytesEnd, BytesStart, BytesText, Event};
+use quick_xml::name::QName;
 
 use crate::suite::{Ended, SuiteResult, TestResult};
 use anyhit_base::error::{Error, ErrorKind, Result};
@@ -58,9 +60,11 @@ impl JUnit {
 
     fn case(&mut self, test: &TestResult) -> io::Result<()> {
         let mut start = BytesStart::new("testcase");
+        start.push_attribute(("classname", &*escape::line(&class_name(&test.path))));
         start.push_attribute(("name", &*escape::line(&test.name)));
+        start.push_attribute(("file", &*escape::line(&test.path)));
         self.time(&mut start, test.took());
-        let message = escape::line(test.message.as_deref().unwrap_or_default());
+        let message = escape::text(test.message.as_deref().unwrap_or_default(), false);
         let (mut inside, text) = match test.ended {
             Ended::Passed | Ended::Renewed => return self.xml.write_event(Event::Empty(start)),
             Ended::KnownFailure => (BytesStart::new("system-out"), format!("known failure: {message}")),
@@ -68,7 +72,7 @@ impl JUnit {
             Ended::Error => (BytesStart::new("error"), escape::text(&test.text, false).into_owned()),
         };
         if test.ended != Ended::KnownFailure {
-            inside.push_attribute(("message", &*message));
+            inside.push_attribute(Attribute { key: QName(b"message"), value: attribute(&message).into() });
             inside.push_attribute(("type", test.ended.word()));
         }
         let end = inside.to_end().into_owned();
@@ -83,5 +87,39 @@ impl JUnit {
         if self.with_times {
             start.push_attribute(("time", format!("{:.3}", took.as_secs_f64()).as_str()));
         }
+    }
+}
+
+/// The class of a test's file, by which tools group tests: its path with dots, without extensions.
+fn class_name(path: &str) -> String {
+    let bare = path.strip_suffix(".toml").unwrap_or(path);
+    bare.strip_suffix(".test").unwrap_or(bare).trim_start_matches('/').replace('/', ".")
+}
+
+/// The value of an attribute that may have several lines. A reader turns line feeds and tabs into
+/// blanks, but no references to them (XML 1.0, section 3.3.3).
+fn attribute(text: &str) -> Vec<u8> {
+    quick_xml::escape::escape(text).replace('\n', "&#10;").replace('\t', "&#9;").into_bytes()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn classes_are_paths_with_dots() {
+        for (path, class) in [
+            ("shaders/red/ball.test.toml", "shaders.red.ball"),
+            ("shaders/red/scene.toml", "shaders.red.scene"),
+            ("/outside/scene.toml", "outside.scene"),
+            ("a.toml.txt", "a.toml.txt"),
+        ] {
+            assert_eq!(class_name(path), class);
+        }
+    }
+
+    #[test]
+    fn an_attribute_keeps_its_lines() {
+        assert_eq!(attribute("a < \"b\"\n\tc"), b"a &lt; &quot;b&quot;&#10;&#9;c");
     }
 }

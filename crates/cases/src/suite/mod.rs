@@ -1,5 +1,6 @@
 //! Suites: the tests beneath some paths, filtered, run in parallel, and reported in order.
 
+mod for_tools;
 #[cfg(feature = "reports")]
 mod junit;
 mod kept_finding;
@@ -8,19 +9,22 @@ mod pictures;
 pub mod report;
 mod result;
 mod run;
+mod summary;
 mod tester;
 
 pub use anyhit_unit_test::explain::EXPLAINED_LINES;
+pub use for_tools::{gitlab, sarif};
 #[cfg(feature = "reports")]
 pub use junit::junit;
 pub use kept_finding::KeptFinding;
 pub use options::SuiteOptions;
-pub use result::{CaseResult, Ended, SuiteResult, SuiteWhole, TestResult};
+pub use result::{CaseResult, Ended, Problem, SuiteResult, SuiteWhole, TestResult};
+pub use summary::summary;
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use crate::case::{Case, FoundFiles, scenes};
+use crate::case::{Case, CaseRay, FoundFiles, scenes};
 use crate::expect::Fix;
 use crate::shares::{Shard, Timings};
 use anyhit_base::error::{Error, Result};
@@ -172,11 +176,11 @@ impl Suite {
             if case.launch {
                 self.tests.push(Test { name: name.clone(), place: 0, case: at, part: Part::Launch });
             }
-            let ray = |(ray, of): &(usize, String)| Test {
-                name: format!("{name}::{of}"),
+            let ray = |ray: &CaseRay| Test {
+                name: format!("{name}::{}", ray.name),
                 place: 0,
                 case: at,
-                part: Part::Ray(*ray),
+                part: Part::Ray(ray.index),
             };
             self.tests.extend(case.rays.iter().map(ray));
             self.cases.push(Source::Case(Box::new(case)));
@@ -220,6 +224,18 @@ impl Suite {
             (name, Self { cases: vec![self.cases[group[0].case].clone()], tests, ..Self::default() })
         };
         self.tests.chunk_by(|one, next| one.case == next.case).map(of_case).collect()
+    }
+
+    /// The file of a test, and its line in the file: that of a ray's header, else the first.
+    pub fn place_of(&self, test: &Test) -> (&Path, u32) {
+        match (&self.cases[test.case], test.part) {
+            (Source::Broken(file, _), _) => (file, 1),
+            (Source::Case(case), Part::Launch) => (&case.scene, 1),
+            (Source::Case(case), Part::Ray(index)) => {
+                let ray = case.rays.iter().find(|ray| ray.index == index);
+                (&case.scene, ray.map_or(1, |ray| ray.line))
+            }
+        }
     }
 
     /// The tests that are left.

@@ -6,14 +6,14 @@ use serde_json::{Value, json};
 
 use crate::coverage::Coverage;
 use crate::source_tree::SourceTree;
-use crate::suite::{Ended, Finished, Outcome, SuiteResult, TestFailure};
+use crate::suite::{Ended, Finished, Outcome, Problem, SuiteResult, TestFailure, TestResult};
 use anyhit_base::error::{Error, Place};
 use anyhit_base::escape;
 use anyhit_base::sorted::json_object;
 use anyhit_base::style::Style;
 
 /// The version of the JSON.
-const VERSION: u32 = 1;
+pub const VERSION: u32 = 1;
 
 /// How many of a long list are named.
 const NAMED: usize = 12;
@@ -155,10 +155,9 @@ pub fn coverage(coverage: &Coverage) -> String {
     out
 }
 
-/// A test as a workflow command of GitHub, where it did not pass: an annotation on the line of the
-/// shader that is to blame, or of the scene file. GitHub looks for files from the repository's
-/// root, wherever the command runs: so paths are given from the root of a tree.
-pub(super) fn github(finished: &Finished, tree: &SourceTree) -> Option<String> {
+/// Where a test did not pass: the line of the shader that is to blame, or of the scene file. Other
+/// tools look for files from the repository's root, wherever the command runs.
+pub(super) fn problem(finished: &Finished, tree: &SourceTree) -> Option<Problem> {
     let (errors, line): (&[Error], _) = match &finished.outcome {
         Outcome::Failed(failure) => (&failure.errors, failure.line.as_ref()),
         Outcome::Broken(error) => (std::slice::from_ref(error), None),
@@ -167,18 +166,25 @@ pub(super) fn github(finished: &Finished, tree: &SourceTree) -> Option<String> {
     let error = errors.first()?;
     let place = line.map(|line| (line.file.clone(), line.line)).or_else(|| place(error));
     let (file, line) = place.unwrap_or_else(|| (escape::path(&finished.file).to_string(), 1));
-    let mut message = String::new();
+    let mut report = String::new();
     for error in errors {
-        message.push_str(&error.render());
+        report.push_str(&error.render());
     }
     if let Outcome::Failed(failure) = &finished.outcome {
-        message.push_str(&around(failure, None));
+        report.push_str(&around(failure, None));
     }
+    Some(Problem { path: tree.path_of(&file, Some(&finished.file)), line, report })
+}
+
+/// A test that did not pass as a workflow command of GitHub: an annotation of a line.
+pub fn github(test: &TestResult) -> Option<String> {
+    let problem = test.problem.as_ref()?;
     Some(format!(
-        "::error file={},line={line},title={}::{}\n",
-        escape::workflow_property(&tree.path_of(&file, Some(&finished.file))),
-        escape::workflow_property(&finished.name),
-        escape::workflow_message(message.trim_end())
+        "::error file={},line={},title={}::{}\n",
+        escape::workflow_property(&problem.path),
+        problem.line,
+        escape::workflow_property(&test.name),
+        escape::workflow_message(problem.report.trim_end())
     ))
 }
 
@@ -223,15 +229,18 @@ pub fn json(result: &SuiteResult) -> Value {
     all
 }
 
-/// A test as an object of the suite's JSON.
+/// A test as an object of the suite's JSON. Paths are those from the current folder, without `..`
+/// where the file is beneath it.
 pub(super) fn test_json(finished: &Finished) -> Value {
+    let tree = SourceTree::of_current_folder();
+    let path_of = |file: &str| tree.path_of(file, Some(&finished.file));
     let mut test = json!({
         "name": finished.name,
-        "file": escape::path(&finished.file).to_string(),
+        "file": path_of(&escape::path(&finished.file).to_string()),
         "outcome": finished.outcome.ended(),
     });
     let error = |error: &Error| {
-        let place = place(error).map(|(file, line)| json!({ "file": file, "line": line }));
+        let place = place(error).map(|(file, line)| json!({ "file": path_of(&file), "line": line }));
         let mut told = json!({
             "message": error.message(),
             "class": error.class().name(),
@@ -248,6 +257,9 @@ pub(super) fn test_json(finished: &Finished) -> Value {
         Outcome::Failed(failure) => {
             test["differences"] = failure.errors.iter().map(error).collect();
             test["line"] = json!(failure.line);
+            if let Some(line) = &failure.line {
+                test["line"]["file"] = path_of(&line.file).into();
+            }
             test["explanation"] = json!(failure.explanation);
             test["hints"] = json!(failure.hints);
             test["command"] = json!(failure.command);

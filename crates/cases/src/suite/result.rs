@@ -62,16 +62,18 @@ pub struct TestResult {
     pub name: String,
     /// The file that it stands in.
     pub file: String,
+    /// The path of the file from the root of its repository.
+    pub path: String,
     /// How it ended.
     pub ended: Ended,
     /// The first line about a failure, or why it is known to fail.
     pub message: Option<String>,
-    /// The class of the error, where it could not run.
+    /// The most severe class of its errors, where it did not pass.
     pub class: Option<ErrorClass>,
     /// The lines about it in plain text.
     pub text: String,
-    /// The annotation that GitHub shows, where it did not pass.
-    pub annotation: Option<String>,
+    /// The place that other tools show, where it did not pass.
+    pub problem: Option<Problem>,
     /// What `--format json` has of it.
     pub json: Value,
     /// How long it took.
@@ -85,6 +87,18 @@ pub struct TestResult {
     /// Whether it passed and was held to stable outputs.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub held_stable: bool,
+}
+
+/// A test that did not pass, at the line that is to blame: of a shader, or of the test's file.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Problem {
+    /// The path of the file from the root of its repository.
+    pub path: String,
+    /// The line, from 1.
+    pub line: u32,
+    /// The whole report.
+    pub report: String,
 }
 
 /// How a test ended.
@@ -186,6 +200,11 @@ impl SuiteResult {
             return refuse(format!("all shards together have {found} tests, but the suite has {all}"));
         }
         Ok(())
+    }
+
+    /// The class of the error that its command ends with; `None` if every test passed.
+    pub fn class(&self) -> Option<ErrorClass> {
+        self.tests.iter().filter_map(|test| test.class).max_by_key(|class| class.severity())
     }
 
     /// How many tests ended so.

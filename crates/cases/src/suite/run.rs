@@ -17,7 +17,7 @@ use crate::suite::options::SuiteOptions;
 use crate::suite::result::{CaseResult, Ended, SuiteResult, TestResult};
 use crate::suite::tester::{Tester, unstable};
 use crate::suite::{Finished, Outcome, Part, Source, Suite, Test, report};
-use anyhit_base::error::{Error, Result};
+use anyhit_base::error::{Error, ErrorClass, Result};
 use anyhit_base::escape;
 use anyhit_base::input::{InputLimit, InputLimits};
 use anyhit_engine::math::random::Random;
@@ -238,19 +238,24 @@ fn result_of(place: usize, finished: &Finished, tree: &SourceTree) -> TestResult
         Outcome::KnownFailure(why) => (Some(why.clone()), None),
         Outcome::Failed(failure) => {
             let message = failure.errors.first().map_or("not as expected", |error| error.message());
-            (Some(message.to_owned()), None)
+            // A recorded file that is missing is an expectation, too.
+            let classes = failure.errors.iter().map(Error::class);
+            let told = classes.filter(|class| matches!(class, ErrorClass::Trap | ErrorClass::Finding));
+            let class = told.max_by_key(|class| class.severity()).unwrap_or(ErrorClass::Expectation);
+            (Some(message.to_owned()), Some(class))
         }
         Outcome::Broken(error) => (Some(error.message().to_owned()), Some(error.class())),
     };
     TestResult {
         place,
         name: finished.name.clone(),
+        path: tree.path_of(&finished.file.to_string_lossy(), None),
         file: escape::path(&finished.file).to_string(),
         ended: finished.outcome.ended(),
         message,
         class,
         text: report::text(finished, false),
-        annotation: report::github(finished, tree),
+        problem: report::problem(finished, tree),
         json: report::test_json(finished),
         microseconds: u64::try_from(finished.took.as_micros()).unwrap_or(u64::MAX),
         findings: Vec::new(),

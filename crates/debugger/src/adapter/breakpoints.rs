@@ -205,7 +205,7 @@ impl Adapter {
             breakpoint.condition.clone_from(&requested.spec.condition);
             breakpoint.from_hit = from_hit(requested.spec.hit_condition.as_deref()).ok()?;
             breakpoint.log.clone_from(&requested.spec.log);
-            breakpoint.hits = before(requested.id).map_or(0, |before| before.hits);
+            breakpoint.hits = before(requested.id).map(|before| before.hits.clone()).unwrap_or_default();
             Some(breakpoint)
         });
         let of_console = console_breakpoints.iter().filter_map(|&id| before(id).cloned());

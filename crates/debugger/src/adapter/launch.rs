@@ -9,7 +9,7 @@ use anyhit_base::error::Result;
 use anyhit_base::escape;
 
 use super::data_breakpoints::DataBreakpoints;
-use super::launch_arguments::LaunchArguments;
+use super::launch_arguments::{LaunchArguments, check_keys};
 use super::protocol::{Answer, Refusal, Request};
 use super::sources::Sources;
 use super::stopped::StoppedState;
@@ -20,7 +20,7 @@ impl Adapter {
     pub(super) fn launch(&mut self, request: &Request) {
         let is_new = matches!(self.state, State::Idle);
         let answer = match is_new {
-            true => request.arguments().and_then(|arguments| self.load(arguments)),
+            true => launch_arguments(request).and_then(|arguments| self.load(arguments)),
             false => Err(Refusal::new("the session has already launched; use `restart` to start again")),
         };
         let is_loaded = answer.is_ok();
@@ -49,7 +49,7 @@ impl Adapter {
     fn loaded_anew(&mut self, request: &Request) -> Answer {
         let given = request.arguments.get("arguments").filter(|given| given.is_object());
         let arguments = match (given, self.arguments.clone()) {
-            (Some(given), _) => Request { arguments: given.clone(), ..request.clone() }.arguments()?,
+            (Some(given), _) => launch_arguments(&Request { arguments: given.clone(), ..request.clone() })?,
             (None, Some(arguments)) => arguments,
             (None, None) => return Err(Refusal::new("nothing has been launched")),
         };
@@ -113,4 +113,10 @@ impl Adapter {
         }
         self.state = State::Running(if stops { Motion::Begin } else { Motion::Resume });
     }
+}
+
+/// The launch configuration that a request brings.
+fn launch_arguments(request: &Request) -> Result<LaunchArguments, Refusal> {
+    check_keys(&request.arguments)?;
+    request.arguments()
 }

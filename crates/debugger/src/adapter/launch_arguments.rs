@@ -3,14 +3,76 @@
 use std::path::PathBuf;
 
 use serde::Deserialize;
+use serde_json::Value;
 
 use crate::command;
 use crate::session::ExplainRequest;
+use anyhit_base::error::names::nearest;
 use anyhit_base::error::{Error, ErrorKind, Result};
+use anyhit_base::escape;
 use anyhit_engine::geometry::{Precision, Ray};
 use anyhit_scene::LoadOptions;
 
-/// What is debugged, and how. Other members are the client's own.
+/// The keys of a launch configuration, as clients write them.
+const KEYS: [&str; 12] = [
+    "scene",
+    "program",
+    "pixel",
+    "ray",
+    "invocation",
+    "dispatch",
+    "pass",
+    "variant",
+    "size",
+    "precision",
+    "stopOnEntry",
+    "noDebug",
+];
+
+/// Keys that clients use themselves and pass on: those of Visual Studio Code, of Zed and of
+/// dap-mode. Keys that begin with `__` are clients' own, too.
+const CLIENT_KEYS: [&str; 20] = [
+    "type",
+    "request",
+    "name",
+    "presentation",
+    "preLaunchTask",
+    "postDebugTask",
+    "internalConsoleOptions",
+    "debugServer",
+    "serverReadyAction",
+    "suppressMultipleSessionWarning",
+    "windows",
+    "linux",
+    "osx",
+    "label",
+    "adapter",
+    "tcp_connection",
+    "cwd",
+    "dap-server-path",
+    "host",
+    "debugPort",
+];
+
+/// Checks the keys of a launch configuration.
+///
+/// # Errors
+/// The first key that neither the debugger nor a client knows, with the most similar one.
+pub(super) fn check_keys(arguments: &Value) -> Result<()> {
+    // A member that is null counts as absent.
+    let keys = arguments.as_object().into_iter().flatten().filter(|(_, value)| !value.is_null());
+    let unknown = |key: &&String| {
+        !KEYS.contains(&key.as_str()) && !CLIENT_KEYS.contains(&key.as_str()) && !key.starts_with("__")
+    };
+    let Some(key) = keys.map(|(key, _)| key).find(unknown) else { return Ok(()) };
+    let error = wrong(format!("the launch configuration has an unknown key `{}`", escape::line(key)));
+    Err(match nearest(key, KEYS.into_iter()) {
+        Some(near) => error.note(format!("did you mean `{near}`?")),
+        None => error.note(format!("the keys are {}", KEYS.join(", "))),
+    })
+}
+
+/// What is debugged, and how.
 #[derive(Clone, Debug, Default, Deserialize, PartialEq)]
 #[serde(default, rename_all = "camelCase")]
 pub(super) struct LaunchArguments {
@@ -34,7 +96,7 @@ pub(super) struct LaunchArguments {
     size: Option<[u32; 2]>,
     /// The precision of intersections.
     precision: Option<String>,
-    /// Whether it stops at its first line.
+    /// Whether it stops at its first line; it does not unless asked to.
     pub(super) stop_on_entry: bool,
     /// Whether it runs without stopping anywhere.
     pub(super) no_debug: bool,
@@ -165,5 +227,44 @@ mod tests {
         assert_eq!(given, request(json!({ "ray": "0,0,5 0,0,-1" })).unwrap().0);
         assert!(request(json!({ "ray": "a", "pixel": [0, 0] })).is_err());
         assert!(request(json!({ "pixel": [0] })).is_err());
+    }
+
+    #[test]
+    fn unknown_keys_are_errors_with_the_nearest_one() {
+        let refused = |arguments| check_keys(&arguments).unwrap_err().render();
+        let near = refused(json!({ "scene": "a", "stopAtEntry": true }));
+        assert!(near.contains("unknown key `stopAtEntry`") && near.contains("`stopOnEntry`"), "{near}");
+        let far = refused(json!({ "environment": {} }));
+        assert!(far.contains("unknown key `environment`") && far.contains("invocation, dispatch"), "{far}");
+        let clients = json!({ "type": "anyhit", "__sessionId": "1", "preLaunchTask": "build", "scene": "a", "args": null });
+        check_keys(&clients).unwrap();
+        check_keys(&Value::Null).unwrap();
+    }
+
+    /// No member takes an object.
+    #[test]
+    fn each_key_is_a_member() {
+        for key in KEYS {
+            let of_wrong_type = json!({ key: { "no": ["such", "type"] } });
+            assert!(serde_json::from_value::<LaunchArguments>(of_wrong_type).is_err(), "{key}");
+        }
+    }
+
+    /// Completion in Visual Studio Code offers the keys, and the default that the adapter has.
+    #[test]
+    fn the_extension_declares_the_keys_and_the_default() {
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../editors/vscode/package.json");
+        let text = std::fs::read_to_string(path).unwrap();
+        let package: Value = serde_json::from_str(&text).unwrap();
+        let declared =
+            &package["contributes"]["debuggers"][0]["configurationAttributes"]["launch"]["properties"];
+        let mut declared_keys: Vec<&str> = declared.as_object().unwrap().keys().map(String::as_str).collect();
+        // The first is another name for the scene, the second what "Run Without Debugging" sets.
+        declared_keys.extend(["program", "noDebug"]);
+        declared_keys.sort_unstable();
+        let mut keys = KEYS;
+        keys.sort_unstable();
+        assert_eq!(declared_keys, keys);
+        assert_eq!(declared["stopOnEntry"]["default"], LaunchArguments::default().stop_on_entry);
     }
 }

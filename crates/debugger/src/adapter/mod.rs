@@ -6,6 +6,7 @@
 //! Files are read by its [`Host`] alone.
 
 mod breakpoints;
+mod clipboard;
 mod commands;
 mod data_breakpoints;
 mod disassembly;

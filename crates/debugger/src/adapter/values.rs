@@ -8,7 +8,7 @@ use emmy_dap_types::requests::{
 use emmy_dap_types::responses::{
     EvaluateResponse, SetExpressionResponse, SetVariableResponse, VariablesResponse,
 };
-use emmy_dap_types::types::{Variable as ShownVariable, VariablesArgumentsFilter};
+use emmy_dap_types::types::{EvaluateArgumentsContext, Variable as ShownVariable, VariablesArgumentsFilter};
 use serde_json::json;
 
 use crate::debugger::lane_state::LaneState;
@@ -41,17 +41,21 @@ impl Adapter {
         // 0 stands for all.
         let count = Some(index(arguments.count)).filter(|&count| count > 0).unwrap_or(u64::MAX);
         let range = first..first.saturating_add(count.min(MOST_PARTS));
-        let (frame, named) = match handle {
+        let (frame, named, total) = match handle {
             Handle::Scope(frame, kind) => {
                 let all = match arguments.filter {
                     Some(VariablesArgumentsFilter::Indexed) => Vec::new(),
                     _ => launched.in_scope(&frame, kind),
                 };
+                let total = all.len() as u64;
                 let these = all.into_iter().skip(first as usize);
-                (frame, these.take((range.end - range.start) as usize).collect())
+                (frame, these.take((range.end - range.start) as usize).collect::<Vec<_>>(), total)
             }
             Handle::Place { frame, place, expression } => {
-                let parts = launched.console.debugger.with_lane(&frame, |lane| place.children(range, lane));
+                let read = |lane: &mut dyn LaneState| {
+                    (place.children(range.clone(), lane), place.child_count(lane).unwrap_or(0))
+                };
+                let (parts, total) = launched.console.debugger.with_lane(&frame, read);
                 let wanted = |name: &str| match arguments.filter {
                     Some(VariablesArgumentsFilter::Indexed) => name.starts_with('['),
                     Some(VariablesArgumentsFilter::Named) => !name.starts_with('['),
@@ -65,10 +69,20 @@ impl Adapter {
                     });
                     Named { name, place, expression, is_declared: true }
                 });
-                (frame, named.collect::<Vec<_>>())
+                (frame, named.collect(), total)
             }
         };
-        let variables = named.into_iter().map(|named| launched.shown(&frame, named)).collect();
+        // A client that does not ask page by page learns that there are more.
+        let left = first.saturating_add(count).min(total).saturating_sub(range.end);
+        let is_cut = left > 0 && !named.is_empty();
+        let mut variables: Vec<_> = named.into_iter().map(|named| launched.shown(&frame, named)).collect();
+        if is_cut {
+            variables.push(ShownVariable {
+                name: "...".into(),
+                value: format!("{left} more are not listed: print one by its index, `[{}]`", range.end),
+                ..ShownVariable::default()
+            });
+        }
         body(VariablesResponse { variables })
     }
 
@@ -77,6 +91,9 @@ impl Adapter {
         let launched = self.stopped()?;
         let frame = launched.frame(arguments.frame_id)?;
         let expression = arguments.expression.trim();
+        if let Some(EvaluateArgumentsContext::Clipboard) = arguments.context {
+            return launched.copied(&frame, expression);
+        }
         // What has a place can be opened; all else is a value only.
         let Ok(place) = launched.console.debugger.place(&frame, expression) else {
             let value = launched.console.debugger.evaluate(&frame, expression)?;
@@ -222,12 +239,17 @@ impl Launched {
 
     /// Sets what an expression stands for; returns it as it is then.
     fn set(&mut self, frame: &StackFrame, target: &str, value: &str) -> Result<ShownVariable, String> {
-        self.console.debugger.assign(frame, target, value)?;
+        let value = self.console.debugger.assign(frame, target, value)?;
         // The step that is next may no longer trap.
         (self.trap, self.exception) = (None, None);
-        let place = self.console.debugger.place(frame, target)?;
         self.forget_output();
-        let expression = Some(target.to_owned());
-        Ok(self.shown(frame, Named { name: target.to_owned(), place, expression, is_declared: true }))
+        let name = target.to_owned();
+        // Several components of a vector are no place of their own.
+        let Ok(place) = self.console.debugger.place(frame, target) else {
+            let (value, type_field) = (value.content.to_string(), Some(value.ty));
+            return Ok(ShownVariable { name, value, type_field, ..ShownVariable::default() });
+        };
+        let expression = Some(name.clone());
+        Ok(self.shown(frame, Named { name, place, expression, is_declared: true }))
     }
 }

@@ -136,9 +136,9 @@ pub(super) fn find(word: &str) -> Result<&'static Command, String> {
 }
 
 /// The names of commands that begin with a text.
-pub fn complete(begin: &str) -> Vec<&'static str> {
+pub(super) fn complete(begin: &str) -> impl Iterator<Item = &'static str> {
     let names = COMMANDS.iter().map(|command| command.names[0]);
-    names.filter(|name| name.starts_with(begin)).collect()
+    names.filter(move |name| name.starts_with(begin))
 }
 
 /// How wide the list's first column is.

@@ -1,7 +1,6 @@
 //! A console beside an editor, which steps and shows output by itself.
 
 use crate::debugger::{Debugger, StopReason};
-use anyhit_base::sorted::SortedSet;
 
 use super::Console;
 use super::command::COMMANDS;
@@ -40,17 +39,5 @@ impl Console {
     /// What the commands since did beside their answers.
     pub fn take_effect(&mut self) -> CommandEffect {
         std::mem::take(&mut self.effect)
-    }
-
-    /// As [`Console::complete`], where a line may be an expression, too.
-    pub fn complete_expression(&self, line: &str) -> (usize, Vec<String>) {
-        let (start, mut words) = self.complete(line);
-        if line[..start].trim().is_empty() {
-            let names = self.debugger.variable_names(self.frame);
-            let names: SortedSet<_> =
-                names.into_iter().filter(|name| name.starts_with(&line[start..])).collect();
-            words.extend(names);
-        }
-        (start, words)
     }
 }

@@ -2,6 +2,7 @@
 //! here reads or writes a file or a terminal.
 
 mod command;
+mod completion;
 mod embedded;
 mod listing;
 mod places;
@@ -14,10 +15,9 @@ use crate::debugger::{
     Breakpoint, BreakpointId, BreakpointPlace, Debugger, LastWrite, StackFrame, Stepping, StopReason,
     Variable, VariableKind, VariablePlace,
 };
-use anyhit_base::sorted::sort;
 
 use command::{Action, help};
-pub use command::{COMMANDS, Command, complete};
+pub use command::{COMMANDS, Command};
 pub use embedded::CommandEffect;
 use listing::Listing;
 pub use script::{PROMPT, run_script, transcript};
@@ -84,22 +84,6 @@ impl Console {
     /// The debugger.
     pub fn debugger(&mut self) -> &mut Debugger {
         &mut self.debugger
-    }
-
-    /// What may complete a line: where the last word begins, and the words that it may become.
-    pub fn complete(&self, line: &str) -> (usize, Vec<String>) {
-        let is_part = |c: char| c.is_alphanumeric() || c == '_' || c == '-';
-        let start = line.trim_end_matches(is_part).len();
-        let word = &line[start..];
-        if line[..start].trim().is_empty() {
-            return (start, complete(word).into_iter().map(str::to_owned).collect());
-        }
-        let names = self.debugger.variable_names(self.frame);
-        let names = names.into_iter().chain(self.debugger.sources().function_names());
-        let mut fitting: Vec<String> = names.filter(|name| name.starts_with(word)).collect();
-        sort(&mut fitting);
-        fitting.dedup();
-        (start, fitting)
     }
 
     /// Executes a line. An empty one repeats the last step.
@@ -273,7 +257,9 @@ impl Console {
             return Err(places::nowhere(&place, self.debugger.sources()));
         }
         let stop = self.debugger.resume();
-        self.debugger.set_breakpoints(before);
+        let mut left = self.debugger.breakpoints().to_vec();
+        left.retain(|one| one.id != id);
+        self.debugger.set_breakpoints(left);
         match stop {
             StopReason::Breakpoints(ids) if ids.contains(&id) => Ok(self.stopped(&StopReason::Step)),
             StopReason::End => Ok("the place was not reached\n".to_owned() + &self.stopped(&StopReason::End)),
@@ -545,7 +531,7 @@ impl Console {
             self.debugger.set_breakpoints(all);
             return Err(places::nowhere(&added.place, self.debugger.sources()));
         }
-        Ok(places::describe(&added, self.debugger.sources()))
+        Ok(places::describe(&added, self.debugger.sources(), self.debugger.time()))
     }
 
     fn add_watch(&mut self, rest: &str) -> Result<String, String> {
@@ -597,7 +583,7 @@ impl Console {
     fn list_breakpoints(&self) -> String {
         let mut text = String::new();
         for breakpoint in self.debugger.breakpoints() {
-            text += &places::describe(breakpoint, self.debugger.sources());
+            text += &places::describe(breakpoint, self.debugger.sources(), self.debugger.time());
         }
         for (number, name, _) in &self.watched {
             if self.debugger.watches().iter().any(|one| one.breakpoint.is_some_and(|id| id.0 == *number)) {

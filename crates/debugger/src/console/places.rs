@@ -1,6 +1,8 @@
 //! Places of breakpoints as text.
 
-use crate::debugger::{Breakpoint, BreakpointPlace, Debugger, SourceMap, SourcePosition, TraversalFilter};
+use crate::debugger::{
+    Breakpoint, BreakpointPlace, Debugger, SourceMap, SourcePosition, Time, TraversalFilter,
+};
 use anyhit_engine::module::interface::Stage;
 
 /// A breakpoint's place with what follows it.
@@ -20,6 +22,11 @@ const STAGES: [(Stage, &str); 7] = [
     (Stage::Callable, "callable"),
     (Stage::Compute, "compute"),
 ];
+
+/// The spellings of the stages.
+pub(super) fn stage_names() -> impl Iterator<Item = &'static str> {
+    STAGES.iter().map(|(_, name)| *name)
+}
 
 /// Splits `PLACE [if CONDITION] [from N]`.
 ///
@@ -160,8 +167,8 @@ pub(super) fn nowhere(place: &BreakpointPlace, sources: &SourceMap) -> String {
     }
 }
 
-/// A breakpoint in a line.
-pub(super) fn describe(breakpoint: &Breakpoint, sources: &SourceMap) -> String {
+/// A breakpoint in a line, with its hits up to a step.
+pub(super) fn describe(breakpoint: &Breakpoint, sources: &SourceMap, now: Time) -> String {
     let place = match &breakpoint.place {
         BreakpointPlace::Line { file, line } => match breakpoint.resolved[..] {
             [] => format!("{file}:{line}"),
@@ -197,7 +204,7 @@ pub(super) fn describe(breakpoint: &Breakpoint, sources: &SourceMap) -> String {
     let from = if breakpoint.from_hit > 1 { format!(" from {}", breakpoint.from_hit) } else { String::new() };
     let log = breakpoint.log.as_ref().map_or_else(String::new, |text| format!(", prints \"{text}\""));
     let rests = if breakpoint.is_enabled { "" } else { " (disabled)" };
-    let hits = match breakpoint.hits {
+    let hits = match breakpoint.hits.count(now) {
         0 => String::new(),
         1 => ", hit once".to_owned(),
         hits => format!(", hit {hits} times"),

@@ -10,7 +10,7 @@ use anyhit_engine::module::interface::Stage;
 use anyhit_engine::ops::translate::Origin;
 use anyhit_engine::pipeline::Event;
 
-use super::course::Moment;
+use super::course::{Moment, Time};
 use super::source_map::{LineIndex, SourceMap, SourcePosition};
 use super::traversal_names::{instance_verdict_name, verdict_name};
 
@@ -77,8 +77,42 @@ pub struct Breakpoint {
     pub from_hit: u64,
     /// Instead of stopping it prints this text, in which `{expression}` stands for a value.
     pub log: Option<String>,
-    /// How often it was hit on the way forwards.
-    pub hits: u64,
+    /// Its hits on the way forwards.
+    pub hits: HitLog,
+}
+
+/// Hits of a breakpoint on the way forwards: the step that was next, and for a decision of a
+/// traversal the number of the event before it, ascending.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct HitLog(Vec<(Time, usize)>);
+
+impl HitLog {
+    /// Adds a hit, once however often the run passes it.
+    pub(super) fn add(&mut self, time: Time, event: usize) {
+        if let Err(at) = self.0.binary_search(&(time, event)) {
+            self.0.insert(at, (time, event));
+        }
+    }
+
+    /// Whether the run has passed a hit on the way forwards.
+    pub(super) fn contains(&self, time: Time, event: usize) -> bool {
+        self.0.binary_search(&(time, event)).is_ok()
+    }
+
+    /// The number of hits up to one, included.
+    pub(super) fn count_to(&self, time: Time, event: usize) -> u64 {
+        self.0.partition_point(|&hit| hit <= (time, event)) as u64
+    }
+
+    /// The number of hits up to a step.
+    pub fn count(&self, time: Time) -> u64 {
+        self.count_to(time, usize::MAX)
+    }
+
+    /// Removes the hits behind a step, from which the run goes another way.
+    pub(super) fn forget_after(&mut self, time: Time) {
+        self.0.truncate(self.count(time) as usize);
+    }
 }
 
 impl Breakpoint {
@@ -92,7 +126,7 @@ impl Breakpoint {
             condition: None,
             from_hit: 0,
             log: None,
-            hits: 0,
+            hits: HitLog::default(),
         }
     }
 
@@ -272,5 +306,24 @@ impl TraversalFilter {
                 // A candidate is reported twice: when it is found, and when a shader decides.
                 None => verdict != "decision" || self.any_hit,
             }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::HitLog;
+
+    #[test]
+    fn hits_are_counted_once_and_by_time() {
+        let mut log = HitLog::default();
+        // Two events before step 5; then a second run over the first steps.
+        for (time, event) in [(2, 0), (5, 1), (5, 3), (9, 0), (2, 0), (5, 1)] {
+            log.add(time, event);
+        }
+        assert_eq!([1, 2, 4, 5, 9].map(|time| log.count(time)), [0, 1, 1, 3, 4]);
+        assert_eq!([log.count_to(5, 1), log.count_to(5, 3)], [2, 3]);
+        assert!(log.contains(5, 3) && !log.contains(5, 2));
+        log.forget_after(5);
+        assert_eq!(log.count(u64::MAX), 3);
     }
 }

@@ -12,7 +12,7 @@ use anyhit_engine::ops::access::Access;
 use anyhit_engine::pipeline::Event;
 use anyhit_engine::program::Program;
 
-use super::breakpoint::{BreakpointId, BreakpointTable};
+use super::breakpoint::{BreakpointId, BreakpointTable, HitLog};
 use super::course::{Moment, Time};
 use super::traversal_names::is_step_of_traversal;
 use super::unwritten::{incoming, written_registers};
@@ -76,14 +76,14 @@ pub struct Watch {
     pub condition: Option<String>,
     /// It stops from this write on; 0 and 1 for the first.
     pub from_hit: u64,
-    /// How many writes there were on the way forwards.
-    pub hits: u64,
+    /// The writes on the way forwards.
+    pub hits: HitLog,
 }
 
 impl Watch {
     /// What always stops after a write of words.
     pub fn new(breakpoint: Option<BreakpointId>, words: WatchedWords) -> Self {
-        Self { breakpoint, words, last: None, condition: None, from_hit: 0, hits: 0 }
+        Self { breakpoint, words, last: None, condition: None, from_hit: 0, hits: HitLog::default() }
     }
 }
 

@@ -58,13 +58,17 @@ impl Debugger {
                 Err(why) => self.print(format!("the condition of a data breakpoint: {why}")),
             }
         }
-        if direction == Direction::Backwards {
+        let (now, log) = (self.course.time, &mut self.watches[write.watch].hits);
+        if direction == Direction::Forwards {
+            log.add(now, 0);
+        }
+        // Those before it was set are not counted.
+        if !log.contains(now, 0) {
             return true;
         }
-        self.watches[write.watch].hits += 1;
         // A payload is watched in several shaders.
         let all = self.watches.iter().filter(|watch| watch.breakpoint == id);
-        all.map(|watch| watch.hits).sum::<u64>() >= from_hit
+        all.map(|watch| watch.hits.count(now)).sum::<u64>() >= from_hit
     }
 
     /// Whether a breakpoint that was reached stops: its condition holds, it was hit often enough,
@@ -82,11 +86,14 @@ impl Debugger {
             }
         }
         let breakpoint = &mut self.breakpoints[at];
+        let hit = (self.course.time, event.unwrap_or(0));
         if direction == Direction::Forwards {
-            breakpoint.hits += 1;
-            if breakpoint.hits < breakpoint.from_hit {
-                return false;
-            }
+            breakpoint.hits.add(hit.0, hit.1);
+        }
+        // Those before it was set are not counted.
+        let is_counted = breakpoint.hits.contains(hit.0, hit.1);
+        if is_counted && breakpoint.hits.count_to(hit.0, hit.1) < breakpoint.from_hit {
+            return false;
         }
         let Some(log) = breakpoint.log.clone() else { return true };
         if direction == Direction::Forwards

@@ -46,6 +46,8 @@ impl Debugger {
         let time = self.course.time;
         self.output.retain(|one| one.time <= time);
         self.edits.retain(|edit| edit.time <= time);
+        self.breakpoints.iter_mut().for_each(|one| one.hits.forget_after(time));
+        self.watches.iter_mut().for_each(|one| one.hits.forget_after(time));
         if let Some(number) = self.stack().iter().position(|one| one == frame) {
             let words = self.edited_words(frame, &places);
             let (target, value) = (target.to_owned(), value.to_owned());

@@ -45,13 +45,16 @@ impl Debugger {
         self.with_lane(frame, |lane| temporaries_in_frame(&program, &frame.source, lane))
     }
 
-    /// The names of the variables of a frame, counted from the innermost, and of its shader.
-    pub fn variable_names(&self, frame: usize) -> Vec<String> {
-        let Some(frame) = self.stack().into_iter().nth(frame) else { return Vec::new() };
-        let module = &self.sources.shader(frame.shader).program.module;
-        let debug = &module.debug_info;
-        let names = debug.variable_names.values().map(|name| name.to_string());
-        names.chain(module.variables.iter().filter_map(|one| debug.names.get(&one.id).cloned())).collect()
+    /// The names that an expression can use in a frame: its variables, those of its shader, and
+    /// members of blocks without a name.
+    pub fn visible_names(&mut self, frame: &StackFrame) -> Vec<String> {
+        let program = self.sources.shader(frame.shader).program.clone();
+        self.with_lane(frame, |lane| expression::visible_names(&program, &frame.source, lane))
+    }
+
+    /// The names of the members or components of an expression's value; empty where it has none.
+    pub fn member_names(&mut self, frame: &StackFrame, text: &str) -> Vec<String> {
+        self.with_value(frame, text, |value, lane| Ok(value.member_names(lane))).unwrap_or_default()
     }
 
     /// Calls a function with what an expression comes to in a frame, and its lane.

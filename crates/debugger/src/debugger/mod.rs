@@ -68,7 +68,7 @@ use sanitized_steps::Sanitizing;
 use tracker::{DebugObservers, Followed, OthersWork, Tracker};
 use words_then::RegistersNow;
 
-pub use breakpoint::{Breakpoint, BreakpointId, BreakpointPlace, BreakpointTable, TraversalFilter};
+pub use breakpoint::{Breakpoint, BreakpointId, BreakpointPlace, BreakpointTable, HitLog, TraversalFilter};
 pub use condition::{Reason, Watch, WatchedWords, Write};
 pub use course::Time;
 pub use debuggee::{DebuggedLane, LaneActivity};

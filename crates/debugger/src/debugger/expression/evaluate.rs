@@ -61,6 +61,37 @@ impl Evaluated {
         }
     }
 
+    /// The names of the members of a struct, of what a pointer leads to, and of the components of a
+    /// vector.
+    pub fn member_names(&self, state: &dyn LaneState) -> Vec<String> {
+        let pointee = match self {
+            Self::Place(place) if place.is_pointer() => place.pointee(state).ok().map(Self::Place),
+            _ => None,
+        };
+        let of = pointee.as_ref().unwrap_or(self);
+        match (of, of.component_count()) {
+            (_, Some(count)) => SETS[0].chars().take(count as usize).map(String::from).collect(),
+            (Self::Place(place), None) => {
+                member_names(place.module(), place.ty()).map(str::to_owned).collect()
+            }
+            (Self::CalculatedValue(_), None) => Vec::new(),
+        }
+    }
+
+    /// The number of components of a vector.
+    fn component_count(&self) -> Option<u32> {
+        match self {
+            Self::Place(place) => match *place.module().ty(place.ty()) {
+                Type::Vector { count, .. } => Some(count),
+                _ => None,
+            },
+            Self::CalculatedValue(numbers) => match numbers.shape() {
+                NumberShape::Vector(count) => Some(count),
+                _ => None,
+            },
+        }
+    }
+
     fn type_name(&self) -> String {
         match self {
             Self::Place(place) => place.type_name(),
@@ -199,10 +230,8 @@ impl<'a> Evaluator<'a> {
         if let Some(variable) = known().find(|variable| variable.is_declared) {
             return place(variable.place.clone());
         }
-        let anonymous =
-            self.variables.iter().filter(|variable| variable.is_anonymous || variable.name == "this");
-        if let Some(member) = anonymous.filter_map(|variable| self.member_place(&variable.place, name)).next()
-        {
+        let mut anonymous = self.anonymous();
+        if let Some(member) = anonymous.find_map(|variable| self.member_place(&variable.place, name)) {
             return place(member);
         }
         if let Some(constant) = self.constant(name) {
@@ -219,11 +248,16 @@ impl<'a> Evaluator<'a> {
     }
 
     /// The names of all variables, and of what is named without them.
-    fn names(&self) -> impl Iterator<Item = &str> {
+    pub(super) fn names(&self) -> impl Iterator<Item = &str> {
         let module = &self.program.module;
-        let anonymous = self.variables.iter().filter(|variable| variable.is_anonymous);
-        let members = anonymous.flat_map(|variable| member_names(module, variable.place.ty()));
-        self.variables.iter().map(|variable| variable.name.as_str()).chain(members)
+        let members = self.anonymous().flat_map(|variable| member_names(module, variable.place.ty()));
+        let named = self.variables.iter().filter(|variable| !variable.is_anonymous);
+        named.map(|variable| variable.name.as_str()).chain(members)
+    }
+
+    /// The variables whose members are named without them.
+    fn anonymous(&self) -> impl Iterator<Item = &Variable> {
+        self.variables.iter().filter(|variable| variable.is_anonymous || variable.name == "this")
     }
 
     /// The constant of a name: of those of the module, specialisation constants have names.
@@ -278,19 +312,9 @@ impl<'a> Evaluator<'a> {
                 return Err(missing(&what, name, "", member_names(module, place.ty())));
             }
         }
-        let count = match of {
-            Evaluated::Place(place) => match *place.module().ty(place.ty()) {
-                Type::Vector { count, .. } => Some(count),
-                _ => None,
-            },
-            Evaluated::CalculatedValue(numbers) => match numbers.shape() {
-                NumberShape::Vector(count) => Some(count),
-                _ => None,
-            },
-        };
         let is_scalar =
             matches!(of, Evaluated::CalculatedValue(numbers) if numbers.shape() == NumberShape::Scalar);
-        let count = count.or(is_scalar.then_some(1));
+        let count = of.component_count().or(is_scalar.then_some(1));
         let count = count.ok_or_else(|| format!("{} has no members", of.type_name()))?;
         let indices =
             swizzle(name, count).ok_or_else(|| format!("{} has no component `{name}`", of.type_name()))?;
@@ -344,6 +368,10 @@ impl<'a> Evaluator<'a> {
         let Evaluated::Place(place) = self.evaluate(of)? else { return Ok(None) };
         let Type::Vector { count, .. } = *place.module().ty(place.ty()) else { return Ok(None) };
         let Some(indices) = swizzle(name, count).filter(|indices| indices.len() > 1) else { return Ok(None) };
+        if (1..indices.len()).any(|at| indices[..at].contains(&indices[at])) {
+            let message = format!("`{name}` names a component twice: it cannot be set");
+            return Err(ExpressionError::new(node.column, message));
+        }
         let places = indices.iter().map(|&at| place.child(at));
         let places: Result<Vec<_>, String> = places.collect();
         places.map(Some).map_err(|message| ExpressionError::new(node.column, message))
@@ -387,9 +415,11 @@ fn member_names(module: &Module, ty: TypeId) -> impl Iterator<Item = &str> {
     members.iter().map(|member| member.name.as_str())
 }
 
+/// The names of the components of a vector.
+const SETS: [&str; 3] = ["xyzw", "rgba", "stpq"];
+
 /// The components that a swizzle names, of a vector of so many.
 fn swizzle(name: &str, count: u32) -> Option<Vec<u64>> {
-    const SETS: [&str; 3] = ["xyzw", "rgba", "stpq"];
     let set = SETS.iter().find(|set| name.chars().all(|one| set.contains(one)))?;
     let indices: Option<Vec<u64>> = name.chars().map(|one| set.find(one).map(|at| at as u64)).collect();
     indices.filter(|all| (1..=4).contains(&all.len()) && all.iter().all(|&at| at < count.into()))

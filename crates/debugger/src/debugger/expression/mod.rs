@@ -92,6 +92,11 @@ pub(super) fn evaluate_at(
     }
 }
 
+/// The names that an expression can use in a frame.
+pub(super) fn visible_names(program: &Program, frame: &SourceFrame, state: &dyn LaneState) -> Vec<String> {
+    Evaluator::new(program, frame, state).names().map(str::to_owned).collect()
+}
+
 /// Sets what an expression names, `payload.colour.xy`, to the value of another. Returns the places
 /// that were set.
 ///

@@ -1,0 +1,91 @@
+//! Failed tests and findings for tools that show them at lines: code quality of GitLab, and SARIF.
+
+use serde_json::{Value, json};
+
+use crate::shares::fingerprint;
+use crate::suite::{SuiteResult, TestResult};
+use anyhit_base::error::ErrorClass;
+use anyhit_base::escape;
+use anyhit_base::sorted::SortedMap;
+use anyhit_sanitize::{FindingRecord, Level, formats};
+
+/// The tests that did not pass, each with its rule's name. Those that findings fail are left out:
+/// their findings are listed.
+fn failed(result: &SuiteResult) -> impl Iterator<Item = (&TestResult, &'static str)> {
+    result.tests.iter().filter(|test| test.problem.is_some()).filter_map(|test| {
+        let rule = match test.class? {
+            ErrorClass::Finding => return None,
+            ErrorClass::Expectation => "test-failed",
+            ErrorClass::Trap => "test-trapped",
+            ErrorClass::Unsupported | ErrorClass::Limit | ErrorClass::Other => "test-error",
+        };
+        Some((test, rule))
+    })
+}
+
+/// The name of a test and the first line about its failure.
+fn description(test: &TestResult) -> String {
+    let message = test.message.as_deref().unwrap_or_default();
+    escape::into_line(format!("{}: {message}", test.name))
+}
+
+/// Failed tests and findings as a report of code quality, a JSON array
+/// (<https://docs.gitlab.com/ci/testing/code_quality/#code-quality-report-format>).
+pub fn gitlab(result: &SuiteResult) -> Value {
+    let mut known: SortedMap<String, u32> = SortedMap::new();
+    // Lines may move without a change of the fingerprint; those of one report differ.
+    let mut issue = |rule: &str, text: &str, severity: &str, path: &str, line: u64| {
+        let same = fingerprint([rule, text, path].into_iter());
+        let count = known.entry(same.clone()).or_default();
+        *count += 1;
+        json!({
+            "check_name": rule,
+            "description": text,
+            "fingerprint": fingerprint([same.as_str(), &count.to_string()].into_iter()),
+            "severity": severity,
+            "location": { "path": escape::line(path), "lines": { "begin": line } },
+        })
+    };
+    let mut issues = Vec::new();
+    for (test, rule) in failed(result) {
+        let Some(problem) = &test.problem else { continue };
+        let severity = if rule == "test-failed" { "major" } else { "critical" };
+        issues.push(issue(rule, &description(test), severity, &problem.path, problem.line.into()));
+    }
+    for finding in result.findings() {
+        let record = finding.record();
+        let (Some(path), Some(line)) = (record.shown_path(), record.line) else { continue };
+        let severity = if record.level == Level::Deny { "major" } else { "minor" };
+        issues.push(issue(&record.rule, &record.message, severity, path, line as u64));
+    }
+    issues.into()
+}
+
+/// Failed tests and findings as SARIF 2.1.0.
+pub fn sarif(result: &SuiteResult) -> String {
+    const RULES: [(&str, &str); 3] = [
+        ("test-failed", "A test has the values that it expects"),
+        ("test-trapped", "No shader of a test traps unless the test expects it"),
+        ("test-error", "A test can run"),
+    ];
+    let rules = RULES.map(|(id, holds)| {
+        json!({
+            "id": id,
+            "shortDescription": { "text": holds },
+            "defaultConfiguration": { "level": "error" },
+        })
+    });
+    let results = failed(result).map(|(test, rule)| {
+        let locations =
+            test.problem.iter().map(|problem| formats::location(&problem.path, problem.line.into()));
+        json!({
+            "ruleId": rule,
+            "level": "error",
+            "message": { "text": description(test) },
+            "locations": locations.collect::<Vec<_>>(),
+        })
+    });
+    let records: Vec<FindingRecord> =
+        result.findings().iter().map(|finding| finding.record().clone()).collect();
+    formats::sarif_with(&records, rules.to_vec(), results.collect())
+}
