@@ -18,6 +18,7 @@ use anyhit_scene::{Assembled, ResolvedScene};
 /// Runs with drawn choices.
 #[derive(Args, Clone, Debug)]
 #[command(group = ArgGroup::new("seeds").multiple(true))]
+#[command(next_help_heading = "Seeds")]
 pub(super) struct ManySeedsArgs {
     /// Run N more times and randomise behaviour that the specifications leave open: the order and
     /// number of any-hit invocations, the choice between hits at equal t, and more; exit with 6 if

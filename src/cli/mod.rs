@@ -223,6 +223,37 @@ mod tests {
         }
     }
 
+    /// Options of a subject are together, and none follows those of another subject by chance.
+    #[test]
+    fn options_are_grouped_by_headings() {
+        let program = command();
+        let heading = |command: &str, option: &str| {
+            let command = program.find_subcommand(command).expect("the command");
+            let option = command.get_arguments().find(|one| one.get_long() == Some(option)).expect(option);
+            option.get_help_heading().map(str::to_owned)
+        };
+        for (command, option, expected) in [
+            ("render", "size", None),
+            ("render", "json", None),
+            ("render", "variant", None),
+            ("render", "heat", Some("Heat maps, profiles and pages")),
+            ("render", "perturb", Some("Rounding")),
+            ("render", "deny", Some("Sanitizer")),
+            ("render", "many-seeds", Some("Seeds")),
+            ("render", "shard", Some("Shares")),
+            ("render", "fuel", Some("Limits")),
+            ("test", "filter", None),
+            ("test", "init", None),
+            ("test", "junit", Some("Reports")),
+            ("test", "pictures", Some("Reports")),
+            ("test", "sanitize", Some("Sanitizer")),
+            ("run", "json", None),
+            ("trace-one-ray", "miss-index", None),
+        ] {
+            assert_eq!(heading(command, option).as_deref(), expected, "{command} --{option}");
+        }
+    }
+
     #[test]
     fn a_misspelt_command_is_answered_with_the_nearest() {
         let error = CommandLine::try_parse_from(["anyhit", "inspct", "a.spv"]).err().unwrap();

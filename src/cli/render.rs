@@ -74,6 +74,11 @@ pub(super) struct RenderArgs {
 
     #[command(flatten)]
     variant: VariantArgs,
+
+    /// With --heat, --shadow or --perturb: print JSON
+    #[arg(long)]
+    json: bool,
+
     #[command(flatten)]
     look: LookArgs,
 
@@ -91,10 +96,6 @@ pub(super) struct RenderArgs {
 
     #[command(flatten)]
     limits: LimitArgs,
-
-    /// With --heat, --shadow or --perturb: print JSON
-    #[arg(long)]
-    json: bool,
 }
 
 /// Runs the command.

@@ -64,17 +64,21 @@ pub(super) struct RunArgs {
     files: SceneFileArgs,
     #[command(flatten)]
     variant: VariantArgs,
-    #[command(flatten)]
-    stability: StabilityArgs,
-    #[command(flatten)]
-    sanitize: SanitizeArgs,
-    #[command(flatten)]
-    many_seeds: ManySeedsArgs,
-    #[command(flatten)]
-    limits: LimitArgs,
     /// With --shadow or --perturb: print JSON
     #[arg(long)]
     json: bool,
+
+    #[command(flatten)]
+    stability: StabilityArgs,
+
+    #[command(flatten)]
+    sanitize: SanitizeArgs,
+
+    #[command(flatten)]
+    many_seeds: ManySeedsArgs,
+
+    #[command(flatten)]
+    limits: LimitArgs,
 }
 
 /// Runs the command.

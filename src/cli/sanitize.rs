@@ -20,6 +20,7 @@ use anyhit_scene::{Assembled, ResolvedScene};
 /// The sanitizer, and what is told of findings, its own and those of `--many-seeds`.
 #[derive(Args, Clone, Debug)]
 #[command(group = ArgGroup::new("checks").multiple(true))]
+#[command(next_help_heading = "Sanitizer")]
 pub(super) struct SanitizeArgs {
     /// Check the shaders while they run for undefined behaviour, uses of undefined values, and
     /// NaNs; exit with 6 if a finding is denied

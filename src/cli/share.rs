@@ -10,6 +10,7 @@ use anyhit_cases::shares::{Shard, ShareResult, ShareResults};
 
 /// A share of the work, and its result.
 #[derive(Args, Clone, Debug, Default)]
+#[command(next_help_heading = "Shares")]
 pub(super) struct ShareArgs {
     /// Process the Kth of N shares of the work; all shards together process each piece once
     /// (docs/scale.md)

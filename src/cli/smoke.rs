@@ -59,8 +59,6 @@ pub(super) struct SmokeArgs {
     /// machine
     #[arg(long, value_name = "SECONDS", value_parser = numbers::seconds)]
     seconds: Option<Duration>,
-    #[command(flatten)]
-    launch_limits: LaunchLimitArgs,
     /// Also run every set of values under the sanitizer: a finding that depends on a synthetic
     /// input is a warning, any other is denied
     #[arg(long)]
@@ -75,8 +73,12 @@ pub(super) struct SmokeArgs {
     /// With several modules: run N in parallel [default: one per processor]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     jobs: Option<u16>,
+
     #[command(flatten)]
     share: ShareArgs,
+
+    #[command(flatten)]
+    launch_limits: LaunchLimitArgs,
 }
 
 fn percent(text: &str) -> std::result::Result<f64, String> {

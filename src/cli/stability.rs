@@ -14,6 +14,7 @@ use anyhit_scene::{Assembled, ResolvedScene};
 
 /// How far results depend on rounding.
 #[derive(Args, Clone, Debug)]
+#[command(next_help_heading = "Rounding")]
 pub(super) struct StabilityArgs {
     /// Run every float operation also in f64 and report, by line, where the results differ: lost
     /// bits, and different branches and hits

@@ -67,10 +67,10 @@ pub(super) struct StressArgs {
     no_times: bool,
 
     #[command(flatten)]
-    share: ShareArgs,
+    files: SceneFileArgs,
 
     #[command(flatten)]
-    files: SceneFileArgs,
+    share: ShareArgs,
 }
 
 /// Runs the command.

@@ -55,8 +55,6 @@ pub(super) struct TestArgs {
     /// Run N cases in parallel [default: one per processor]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     jobs: Option<u16>,
-    #[command(flatten)]
-    share: ShareArgs,
     /// Balance the run times of --shard, from a file that --write-timings wrote
     #[arg(long, value_name = "FILE")]
     timings: Option<PathBuf>,
@@ -70,45 +68,52 @@ pub(super) struct TestArgs {
     #[arg(long)]
     check_optimizer: bool,
     /// Format of the printed results
-    #[arg(long, value_enum, default_value_t)]
+    #[arg(long, value_enum, default_value_t, help_heading = "Reports")]
     format: ReportFormat,
     /// Also write the results as JUnit XML
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", help_heading = "Reports")]
     junit: Option<PathBuf>,
     /// With --junit: omit run times, which differ from run to run
-    #[arg(long, requires = "junit")]
+    #[arg(long, requires = "junit", help_heading = "Reports")]
     no_times: bool,
     /// Also write a short report as Markdown, for the page of a workflow
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", help_heading = "Reports")]
     summary: Option<PathBuf>,
     /// Write line and branch coverage of the shaders, and print a summary: an lcov tracefile, or
     /// Cobertura XML if FILE ends in .xml
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", help_heading = "Reports")]
     coverage: Option<PathBuf>,
     #[command(flatten)]
     files: SceneFileArgs,
-    #[command(flatten)]
-    stability: StabilityArgs,
-    #[command(flatten)]
-    sanitize: SanitizeArgs,
-    #[command(flatten)]
-    many_seeds: ManySeedsArgs,
-    #[command(flatten)]
-    limits: LimitArgs,
     /// Folder for pictures that differ [default: a folder in the system's temporary folder]
-    #[arg(long, value_name = "DIR")]
+    #[arg(long, value_name = "DIR", help_heading = "Reports")]
     pictures: Option<PathBuf>,
     /// Omit the explanations of rays and invocations from failures
-    #[arg(long)]
+    #[arg(long, help_heading = "Reports")]
     no_explanation: bool,
     /// In explanations, show at most the last N lines that each any-hit or intersection shader
     /// executed
-    #[arg(long, value_name = "N", default_value_t = EXPLAINED_LINES)]
+    #[arg(long, value_name = "N", default_value_t = EXPLAINED_LINES, help_heading = "Reports")]
     explain_lines: usize,
     /// Write a first case for modules: PATH... are the module files, followed by the folder to
     /// create
     #[arg(long, conflicts_with_all = ["filter", "list", "bless", "shard", "result", "junit", "coverage", "summary"])]
     init: bool,
+
+    #[command(flatten)]
+    stability: StabilityArgs,
+
+    #[command(flatten)]
+    sanitize: SanitizeArgs,
+
+    #[command(flatten)]
+    many_seeds: ManySeedsArgs,
+
+    #[command(flatten)]
+    share: ShareArgs,
+
+    #[command(flatten)]
+    limits: LimitArgs,
 }
 
 /// `--sarif`, which needs no sanitizer here: failed tests are results, too.

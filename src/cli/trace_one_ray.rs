@@ -81,15 +81,6 @@ pub(super) struct TraceOneRayArgs {
     files: SceneFileArgs,
     #[command(flatten)]
     variant: VariantArgs,
-    #[command(flatten)]
-    stability: StabilityArgs,
-
-    #[command(flatten)]
-    sanitize: SanitizeArgs,
-    #[command(flatten)]
-    many_seeds: ManySeedsArgs,
-    #[command(flatten)]
-    limits: LimitArgs,
     /// Show every instance and every primitive tested
     #[arg(long)]
     all: bool,
@@ -117,6 +108,18 @@ pub(super) struct TraceOneRayArgs {
     /// With --ray: miss index [default: 0]
     #[arg(long, value_name = "N", requires = "ray", value_parser = unsigned)]
     miss_index: Option<u32>,
+
+    #[command(flatten)]
+    stability: StabilityArgs,
+
+    #[command(flatten)]
+    sanitize: SanitizeArgs,
+
+    #[command(flatten)]
+    many_seeds: ManySeedsArgs,
+
+    #[command(flatten)]
+    limits: LimitArgs,
 }
 
 /// Runs the command.

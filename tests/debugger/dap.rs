@@ -384,7 +384,10 @@ fn no_value_is_cut_without_a_word() {
         adapter.wait_for(|message| message["request_seq"] == seq)["body"].clone()
     };
     ask("initialize", json!({ "adapterID": "anyhit" }));
-    ask("launch", json!({ "scene": "tests/debugger/dap/large.toml", "invocation": [0], "stopOnEntry": true }));
+    ask(
+        "launch",
+        json!({ "scene": "tests/debugger/dap/large.toml", "invocation": [0], "stopOnEntry": true }),
+    );
     ask("configurationDone", json!({}));
     adapter.wait_for(|message| message["event"] == "stopped");
     let mut ask = |command: &str, arguments: Value| {

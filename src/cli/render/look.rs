@@ -36,6 +36,7 @@ const VERSION: u32 = 1;
 
 /// Where the cost of a launch is.
 #[derive(Args, Clone, Debug)]
+#[command(next_help_heading = "Heat maps, profiles and pages")]
 pub(super) struct LookArgs {
     /// Count the cost of each pixel and draw a heat map to --output [default: heat.png]; the worst
     /// pixels are printed as commands that explain them (docs/looking.md describes the measures)
