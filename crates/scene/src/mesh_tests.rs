@@ -89,7 +89,9 @@ fn try_scene(text: &str) -> Result<ResolvedScene> {
     let tile = Picture { format, extent: [1, 1], texels: vec![255, 128, 0, 255] }
         .encode_png(crate::image::PixelEncoding::STORED)?;
     let (lift, bare) = (lift(), bare());
+    let empty = ROOM.replace(r#"{ "translation": [10, 0, 0],"#, r#"{ "scale": [0, 0, 0],"#);
     let files = [
+        ("empty.gltf", empty.as_bytes()),
         ("lift.gltf", lift.as_bytes()),
         ("bare.gltf", bare.as_bytes()),
         ("room.gltf", ROOM.as_bytes()),
@@ -516,6 +518,16 @@ fn a_texture_without_a_picture_is_an_error_where_it_is_used() {
     ));
     assert!(error.contains("the texture has no picture: `textures[0]` has no `source`"), "{error}");
     scene(&format!("{}[[model]]\nfile = 'bare.gltf'\n", image_of("mesh = 'floor', texture = 'normal'")));
+}
+
+/// A scale of zero hides a node, and a model without visible nodes has no instances.
+#[test]
+fn a_model_of_hidden_nodes_has_no_instances() {
+    let scene = scene("[[model]]\nfile = 'empty.gltf'\n");
+    assert!(scene.tlas.is_empty());
+    let [instances, content] = &scene.notes[..] else { panic!("{:?}", scene.notes) };
+    assert!(instances.starts_with("empty.gltf: no visible node of its scene has a mesh"), "{instances}");
+    assert_eq!(content, "empty.gltf: not read: 2 hidden nodes");
 }
 
 #[test]

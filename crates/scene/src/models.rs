@@ -14,6 +14,7 @@ use crate::read::{Diagnostics, Named, Parse, Span, Spanned, Table, TomlValue};
 use crate::transform_entry::{matrix_of, parse_transform};
 use anyhit_base::error::Result;
 use anyhit_base::error::names::{list_of, nearest};
+use anyhit_base::escape;
 use anyhit_engine::accel::{GeometryFlags, InstanceFlags};
 
 /// A model as a scene writes it.
@@ -246,8 +247,10 @@ impl Expanded {
             return;
         }
         if model.nodes.is_empty() {
-            report.push(entry.file.span.error("no node of the scene in the file has a mesh").note(
-                "to create only geometries, set `instances = false`, and place them with `[[instance]]`",
+            report.note(format!(
+                "{}: no visible node of its scene has a mesh, so that the model has no instances; place its \
+                 geometries with `[[instance]]`",
+                escape::path(&model.path)
             ));
         }
         let own = entry.transform.map(|rows| matrix_of(&rows));

@@ -62,7 +62,7 @@ pub struct Node {
     pub mesh: Option<usize>,
     pub skin: Option<usize>,
     pub camera: Option<usize>,
-    pub matrix: Option<[[f32; 4]; 4]>,
+    pub matrix: Option<[f32; 16]>,
     pub translation: Option<[f32; 3]>,
     pub rotation: Option<[f32; 4]>,
     pub scale: Option<[f32; 3]>,

@@ -106,7 +106,7 @@ impl<'a> Walk<'a> {
 /// The transform of a node in its parent.
 fn local(node: &Node) -> DMat4 {
     match &node.matrix {
-        Some(matrix) => DMat4::from_cols_array_2d(&matrix.map(|column| column.map(f64::from))),
+        Some(matrix) => DMat4::from_cols_array(&matrix.map(f64::from)),
         None => compose(
             node.translation.unwrap_or([0.0; 3]),
             node.rotation.unwrap_or([0.0, 0.0, 0.0, 1.0]),

@@ -263,6 +263,20 @@ fn cameras_are_not_mirrored() {
     }
 }
 
+/// glTF 2.0, 3.5.2: matrices are column-major and apply to what is below them.
+#[test]
+fn matrices_are_column_major() {
+    let mut file = TestFile::triangle();
+    // x to y, y to -x, z doubled, then (5, 6, 7).
+    let matrix = [0, 1, 0, 0, -1, 0, 0, 0, 0, 0, 2, 0, 5, 6, 7, 1];
+    file.document["nodes"] =
+        json!([{ "matrix": matrix, "children": [1] }, { "mesh": 0, "translation": [1, 0, 3] }]);
+    let world = file.open().unwrap().nodes[0].world;
+    assert_eq!(world.transform_point3(DVec3::new(0., 1., 0.)).to_array(), [4., 7., 13.]);
+    file.document["nodes"][0]["matrix"] = json!([[1, 0, 0, 0]]);
+    assert!(file.mistake().contains("`nodes[0].matrix[0]`: invalid type"), "{}", file.mistake());
+}
+
 /// KHR_node_visibility: a node that is not visible hides those below it.
 #[test]
 fn invisible_nodes_are_hidden() {
