@@ -42,6 +42,7 @@ mod file_circles;
 mod first_tests;
 mod fixtures;
 mod given_sizes;
+mod gltf_models;
 mod grammar_delta;
 mod growth_fit;
 mod host_layout;

@@ -1,10 +1,8 @@
 //! glTF 2.0 (`.gltf` and `.glb`).
 
-use std::collections::HashMap;
 use std::path::Path;
 use std::sync::Arc;
 
-use glam::DMat4;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 
@@ -12,11 +10,12 @@ use crate::files::Files;
 use crate::mesh::Mesh;
 use crate::mesh::gltf::accessor::Expected;
 use crate::mesh::gltf::animation::SelectedAnimation;
-use crate::mesh::gltf::deform::{Placement, Pose};
+use crate::mesh::gltf::deform::Pose;
 use crate::mesh::gltf::document::{ComponentType, Document, Mode, Primitive, Shape};
-use crate::mesh::gltf::nodes::{Placed, Walk, is_flat};
+use crate::mesh::gltf::nodes::Walk;
+use crate::mesh::gltf::poses::{PosedMesh, Poses};
 use crate::mesh::gltf::unread::Ignored;
-use crate::mesh::listed::{AnimationTime, Listed, ListedPart, ModelNode, Numbers};
+use crate::mesh::listed::{AnimationTime, Listed, ListedPart, Numbers};
 use anyhit_base::error::{Error, ErrorKind, Place, Result};
 use anyhit_base::input::{InputLimit, InputLimits};
 
@@ -28,6 +27,7 @@ mod deform;
 mod document;
 mod material;
 mod nodes;
+mod poses;
 mod unread;
 
 /// An open file.
@@ -45,16 +45,6 @@ struct Data {
     /// The content of the buffers that are used.
     buffers: Vec<Option<Arc<Vec<u8>>>>,
     limits: InputLimits,
-}
-
-/// A mesh in the state in which nodes show it.
-#[derive(Debug)]
-struct PosedMesh {
-    mesh: usize,
-    name: Option<String>,
-    pose: Pose,
-    /// Its primitives of triangles.
-    primitives: Vec<usize>,
 }
 
 /// Vertices and triangles listed so far, and elements of accessors without a buffer view.
@@ -146,7 +136,7 @@ impl Data {
     fn list(self, path: &Path, animations: usize) -> Result<(Listed, GltfFile)> {
         let Walk { placed, cameras, hidden, .. } = Walk::new(&self)?;
         let mut ignored = Ignored { animations, hidden, skins: 0 };
-        let (meshes, nodes) = self.pose(placed, &mut ignored)?;
+        let (meshes, nodes) = Poses::of(&self, placed, &mut ignored)?;
         let mut counts = Counts::default();
         let mut listed = Vec::new();
         for PosedMesh { mesh, name, primitives, .. } in &meshes {
@@ -162,78 +152,6 @@ impl Data {
         let (materials, textures) = (self.materials()?, self.textures(path)?);
         let listed = Listed { meshes: listed, nodes, materials, textures, cameras, unread };
         Ok((listed, GltfFile { data: self, meshes }))
-    }
-
-    /// The meshes in the states in which nodes show them, and these nodes. The first state of a mesh
-    /// is in its place in the file; others, which have the name of their node behind that of the
-    /// mesh, follow all meshes.
-    fn pose(&self, placed: Vec<Placed>, ignored: &mut Ignored) -> Result<(Vec<PosedMesh>, Vec<ModelNode>)> {
-        let document = &self.document;
-        let new = |mesh: usize, name: Option<String>, pose: Pose| {
-            let primitives = document.meshes[mesh].primitives.iter().enumerate();
-            let primitives = primitives.filter(|(_, one)| unread::skipped(one).is_none()).map(|(at, _)| at);
-            PosedMesh { mesh, name, pose, primitives: primitives.collect() }
-        };
-        let rest = |at: usize| {
-            let mesh = &document.meshes[at];
-            let weights = self.weights(at, &mesh.weights);
-            new(at, mesh.name.clone(), Pose { weights, placement: Placement::None })
-        };
-        let mut meshes: Vec<PosedMesh> = (0..document.meshes.len()).map(rest).collect();
-        let mut known: HashMap<(usize, Vec<u32>, Vec<u64>, Option<usize>), usize> = HashMap::new();
-        let mut is_placed = vec![false; meshes.len()];
-        let (mut worlds, mut skins) = (None, HashMap::new());
-        let mut nodes = Vec::new();
-        for Placed { node: at, mesh, world } in placed {
-            let node = &document.nodes[at];
-            let weights = self.weights(mesh, node.weights.as_ref().unwrap_or(&document.meshes[mesh].weights));
-            let has_joints = |primitive: &Primitive| {
-                unread::skipped(primitive).is_some()
-                    || ["JOINTS_0", "WEIGHTS_0"].iter().all(|name| primitive.attributes.contains_key(*name))
-            };
-            let skin = node.skin.filter(|_| document.meshes[mesh].primitives.iter().all(has_joints));
-            ignored.skins += usize::from(skin != node.skin);
-            let flat = skin.is_none() && is_flat(&world);
-            let bits = |weights: &[f32]| weights.iter().map(|weight| weight.to_bits()).collect();
-            let transform = if flat { world.to_cols_array().map(f64::to_bits).to_vec() } else { Vec::new() };
-            let key = (mesh, bits(&weights), transform, skin);
-            let listed = match known.get(&key) {
-                Some(listed) => *listed,
-                None => {
-                    let placement = match skin {
-                        Some(skin) => {
-                            let worlds = worlds.get_or_insert_with(|| self.worlds());
-                            let known = skins.get(&skin).cloned();
-                            let matrices = known.map_or_else(
-                                || self.joint_matrices(skin, worlds, &format!("nodes[{at}]")),
-                                Ok,
-                            )?;
-                            Placement::Skin(skins.entry(skin).or_insert(matrices).clone())
-                        }
-                        None if flat => Placement::Flat(world),
-                        None => Placement::None,
-                    };
-                    let pose = Pose { weights, placement };
-                    let listed = match std::mem::replace(&mut is_placed[mesh], true) {
-                        false => {
-                            meshes[mesh].pose = pose;
-                            mesh
-                        }
-                        true => {
-                            let own = document.meshes[mesh].name.as_deref().unwrap_or("mesh");
-                            let of = node.name.clone().unwrap_or_else(|| format!("node#{at}"));
-                            meshes.push(new(mesh, Some(format!("{own}@{of}")), pose));
-                            meshes.len() - 1
-                        }
-                    };
-                    known.insert(key, listed);
-                    listed
-                }
-            };
-            let world = if flat || skin.is_some() { DMat4::IDENTITY } else { world };
-            nodes.push(ModelNode { name: node.name.clone(), mesh: listed, world });
-        }
-        Ok((meshes, nodes))
     }
 
     /// The weights of the morph targets of a mesh, without zeros at the end.

@@ -264,7 +264,7 @@ mod tests {
         close(place(&file, 3.0), [3., 2., 2.]);
     }
 
-    /// glTF 2.0, C.4: the shorter turn, here from 0 to 90 degrees about z with the negative quaternion.
+    /// glTF 2.0, C.4: the shorter turn, here to 90 degrees about z with the negative quaternion.
     #[test]
     fn rotations_take_the_shorter_turn() {
         let half = 0.5_f32.sqrt();

@@ -9,12 +9,12 @@ use serde::Deserialize;
 use serde_json::{Map, Value};
 
 /// The properties of an object by the names of the extensions that define them.
-pub type Extensions = Map<String, Value>;
+pub(super) type Extensions = Map<String, Value>;
 
 /// The root of a file.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default, rename_all = "camelCase")]
-pub struct Document {
+pub(super) struct Document {
     pub asset: Option<Asset>,
     pub scene: Option<usize>,
     pub scenes: Vec<Scene>,
@@ -37,26 +37,26 @@ pub struct Document {
 
 /// The root of a file of any version.
 #[derive(Debug, Deserialize)]
-pub struct Header {
+pub(super) struct Header {
     pub asset: Asset,
 }
 
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "camelCase")]
-pub struct Asset {
+pub(super) struct Asset {
     pub version: String,
     pub min_version: Option<String>,
 }
 
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub struct Scene {
+pub(super) struct Scene {
     pub nodes: Vec<usize>,
 }
 
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub struct Node {
+pub(super) struct Node {
     pub name: Option<String>,
     pub children: Vec<usize>,
     pub mesh: Option<usize>,
@@ -71,7 +71,7 @@ pub struct Node {
 }
 
 #[derive(Debug, Deserialize)]
-pub struct Mesh {
+pub(super) struct Mesh {
     pub name: Option<String>,
     pub primitives: Vec<Primitive>,
     #[serde(default)]
@@ -79,7 +79,7 @@ pub struct Mesh {
 }
 
 #[derive(Debug, Deserialize)]
-pub struct Primitive {
+pub(super) struct Primitive {
     pub attributes: BTreeMap<String, usize>,
     pub indices: Option<usize>,
     pub material: Option<usize>,
@@ -94,7 +94,7 @@ pub struct Primitive {
 /// The kind of a primitive.
 #[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq)]
 #[serde(try_from = "u32")]
-pub enum Mode {
+pub(super) enum Mode {
     Points,
     Lines,
     #[default]
@@ -120,13 +120,13 @@ impl TryFrom<u32> for Mode {
 
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "camelCase")]
-pub struct Skin {
+pub(super) struct Skin {
     pub joints: Vec<usize>,
     pub inverse_bind_matrices: Option<usize>,
 }
 
 #[derive(Debug, Deserialize)]
-pub struct Camera {
+pub(super) struct Camera {
     pub name: Option<String>,
     #[serde(rename = "type")]
     pub kind: String,
@@ -136,7 +136,7 @@ pub struct Camera {
 
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "camelCase")]
-pub struct Perspective {
+pub(super) struct Perspective {
     pub yfov: f32,
     pub aspect_ratio: Option<f32>,
     pub znear: f32,
@@ -144,7 +144,7 @@ pub struct Perspective {
 }
 
 #[derive(Debug, Deserialize)]
-pub struct Orthographic {
+pub(super) struct Orthographic {
     pub xmag: f32,
     pub ymag: f32,
     pub znear: f32,
@@ -153,7 +153,7 @@ pub struct Orthographic {
 
 #[derive(Debug, Default, Deserialize)]
 #[serde(default, rename_all = "camelCase")]
-pub struct Material {
+pub(super) struct Material {
     pub name: Option<String>,
     pub pbr_metallic_roughness: MetallicRoughness,
     pub normal_texture: Option<TextureInfo>,
@@ -168,7 +168,7 @@ pub struct Material {
 
 #[derive(Debug, Default, Deserialize)]
 #[serde(default, rename_all = "camelCase")]
-pub struct MetallicRoughness {
+pub(super) struct MetallicRoughness {
     pub base_color_factor: Option<[f32; 4]>,
     pub base_color_texture: Option<TextureInfo>,
     pub metallic_factor: Option<f32>,
@@ -179,7 +179,7 @@ pub struct MetallicRoughness {
 /// A texture of a material: `scale` is that of a normal texture, `strength` of an occlusion one.
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "camelCase")]
-pub struct TextureInfo {
+pub(super) struct TextureInfo {
     pub index: usize,
     #[serde(default)]
     pub tex_coord: u32,
@@ -191,7 +191,7 @@ pub struct TextureInfo {
 
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(rename_all = "UPPERCASE")]
-pub enum AlphaMode {
+pub(super) enum AlphaMode {
     Opaque,
     Mask,
     Blend,
@@ -199,7 +199,7 @@ pub enum AlphaMode {
 
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub struct Texture {
+pub(super) struct Texture {
     pub sampler: Option<usize>,
     pub source: Option<usize>,
     pub extensions: Extensions,
@@ -207,14 +207,14 @@ pub struct Texture {
 
 #[derive(Debug, Default, Deserialize)]
 #[serde(default, rename_all = "camelCase")]
-pub struct Image {
+pub(super) struct Image {
     pub uri: Option<String>,
     pub buffer_view: Option<usize>,
 }
 
 #[derive(Debug, Default, Deserialize)]
 #[serde(default, rename_all = "camelCase")]
-pub struct Sampler {
+pub(super) struct Sampler {
     pub mag_filter: Option<u32>,
     pub min_filter: Option<u32>,
     pub wrap_s: Option<u32>,
@@ -223,7 +223,7 @@ pub struct Sampler {
 
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "camelCase")]
-pub struct Accessor {
+pub(super) struct Accessor {
     pub buffer_view: Option<usize>,
     #[serde(default)]
     pub byte_offset: usize,
@@ -244,7 +244,7 @@ impl Accessor {
 }
 
 #[derive(Debug, Deserialize)]
-pub struct Sparse {
+pub(super) struct Sparse {
     pub count: usize,
     pub indices: SparseIndices,
     pub values: SparseValues,
@@ -252,7 +252,7 @@ pub struct Sparse {
 
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "camelCase")]
-pub struct SparseIndices {
+pub(super) struct SparseIndices {
     pub buffer_view: usize,
     #[serde(default)]
     pub byte_offset: usize,
@@ -261,7 +261,7 @@ pub struct SparseIndices {
 
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "camelCase")]
-pub struct SparseValues {
+pub(super) struct SparseValues {
     pub buffer_view: usize,
     #[serde(default)]
     pub byte_offset: usize,
@@ -270,7 +270,7 @@ pub struct SparseValues {
 /// The type of the components of an accessor.
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq)]
 #[serde(try_from = "u32")]
-pub enum ComponentType {
+pub(super) enum ComponentType {
     I8,
     U8,
     I16,
@@ -309,7 +309,7 @@ impl TryFrom<u32> for ComponentType {
 /// The type of the elements of an accessor.
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq)]
 #[serde(rename_all = "UPPERCASE")]
-pub enum Shape {
+pub(super) enum Shape {
     Scalar,
     Vec2,
     Vec3,
@@ -335,7 +335,7 @@ impl Shape {
 
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "camelCase")]
-pub struct BufferView {
+pub(super) struct BufferView {
     pub buffer: usize,
     #[serde(default)]
     pub byte_offset: usize,
@@ -347,7 +347,7 @@ pub struct BufferView {
 
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "camelCase")]
-pub struct Buffer {
+pub(super) struct Buffer {
     pub uri: Option<String>,
     pub byte_length: usize,
 }

@@ -205,8 +205,8 @@ fn sampler(sampler: &document::Sampler, path: &str) -> Result<Sampler> {
         mag_filter,
         min_filter,
         mipmap_mode: mipmap_mode.unwrap_or(Nearest),
-        // Without mip levels the level is rounded to 0, and what is minified still has the filter of
-        // minification (Vulkan, `VkSamplerCreateInfo`: the filters of OpenGL without mip levels).
+        // Without mip levels the level is rounded to 0, and `minFilter` applies to what is minified
+        // (Vulkan, `VkSamplerCreateInfo`: the filters of OpenGL).
         max_lod: if mipmap_mode.is_some() { default.max_lod } else { 0.25 },
         address_mode: [mode("wrapS", sampler.wrap_s)?, mode("wrapT", sampler.wrap_t)?, AddressMode::Repeat],
         ..default

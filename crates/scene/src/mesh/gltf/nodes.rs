@@ -124,8 +124,8 @@ fn rotation(node: &Node, local: &DMat4) -> DQuat {
     }
 }
 
-/// A transform whose axes point to the side of those of a rotation: a negative scale mirrors or turns
-/// the others.
+/// A transform whose axes point to the side of those of a rotation; a negative scale mirrors
+/// others.
 fn unmirrored(world: &DMat4, turn: DQuat) -> DMat4 {
     let axis =
         |column: DVec4, own: DVec3| if column.truncate().dot(turn * own) < 0.0 { -column } else { column };
