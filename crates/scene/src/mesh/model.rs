@@ -105,9 +105,9 @@ impl Model {
     /// Opens a file, at a time of an animation if one is selected.
     ///
     /// # Errors
-    /// `InvalidMesh` for a broken file, or one beyond a limit; `UnsupportedFile` for glTF of another
-    /// version, without triangles or with an extension that changes them; `Io` where a file that it
-    /// names cannot be read.
+    /// `InvalidMesh` for a broken file, or one beyond a limit; `UnsupportedFile` for glTF of
+    /// another version, without triangles or with an extension that changes them; `Io` where a file
+    /// that it names cannot be read.
     pub fn open_at(
         format: MeshFormat,
         path: &Path,
