@@ -213,6 +213,19 @@ fn required_extensions_are_read_skipped_or_refused_by_name() {
     assert!(file.mistake().starts_with("error: ACME_voxels: "), "{}", file.mistake());
 }
 
+/// Extensions that objects have are listed, whether the file declares them or not.
+#[test]
+fn extensions_of_objects_are_listed() {
+    let mut file = TestFile::triangle();
+    file.document["materials"] = json!([{ "extensions": {
+        "KHR_materials_clearcoat": { "clearcoatFactor": 1 }, "KHR_materials_ior": { "ior": 1.25 } } }]);
+    file.document["nodes"][0]["extensions"] = json!({ "KHR_lights_punctual": { "light": 0 } });
+    file.document["extensionsUsed"] = json!(["KHR_materials_clearcoat", "KHR_materials_ior"]);
+    let model = file.open().unwrap();
+    assert_eq!(model.unread, ["the extensions KHR_lights_punctual, KHR_materials_clearcoat"]);
+    assert_eq!(model.materials[0].ior, 1.25);
+}
+
 #[test]
 fn compressed_triangles_are_refused_by_name() {
     let mut file = TestFile::triangle();

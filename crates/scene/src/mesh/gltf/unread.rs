@@ -1,5 +1,7 @@
 //! The content of a glTF file that is not read.
 
+use std::collections::BTreeSet;
+
 use crate::mesh::gltf::document::{Document, Mode, Primitive};
 use anyhit_base::error::names::list_of;
 use anyhit_base::error::{Error, ErrorKind, Result};
@@ -91,11 +93,14 @@ pub(super) fn list(document: &Document, ignored: &Ignored) -> Vec<String> {
     }
     let pictures = document.textures.iter().filter(|texture| texture.source.is_none()).count();
     add(pictures, "texture without a picture", "textures without a picture");
-    let mut extensions: Vec<&str> = document.extensions_used.iter().map(String::as_str).collect();
-    extensions.extend(document.extensions_required.iter().map(String::as_str));
+    let used = document.extensions_used.iter().chain(&document.extensions_required);
+    let of_objects = (document.materials.iter().map(|material| &material.extensions))
+        .chain(document.textures.iter().map(|texture| &texture.extensions))
+        .chain(document.nodes.iter().map(|node| &node.extensions))
+        .chain(primitives().map(|primitive| &primitive.extensions));
+    let mut extensions: BTreeSet<&str> = used.map(String::as_str).collect();
+    extensions.extend(of_objects.flat_map(|extensions| extensions.keys()).map(String::as_str));
     extensions.retain(|name| !READ.contains(name));
-    extensions.sort_unstable();
-    extensions.dedup();
     let names = list_of(extensions.iter().copied());
     match extensions.len() {
         0 => {}
