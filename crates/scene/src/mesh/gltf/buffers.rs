@@ -41,7 +41,8 @@ pub(super) fn load(
                     match named.get(&name) {
                         Some(bytes) => bytes.clone(),
                         None => {
-                            let bytes = Arc::new(files.read(&name)?);
+                            let read = files.read(&name).map_err(|error| error.context(uri_path(at)))?;
+                            let bytes = Arc::new(read);
                             named.insert(name, bytes.clone());
                             bytes
                         }

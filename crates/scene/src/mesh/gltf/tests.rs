@@ -146,6 +146,7 @@ fn broken_files_say_what_is_wrong() {
     }
     let error = load(&good.replace("my%20data", "gone"), None, &bytes()).unwrap_err();
     assert_eq!(error.kind(), ErrorKind::Io);
+    assert!(error.message().starts_with("`buffers[0].uri`: "), "{error}");
 }
 
 /// A sparse accessor without a buffer view, of which one element is not zero.
