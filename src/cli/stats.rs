@@ -84,7 +84,7 @@ pub(super) fn single_threaded(assembled: &Assembled) -> String {
     text
 }
 
-/// The lines of `--stats` about files that were not read, or not decoded.
+/// The lines of `--stats` about files and contents of models that were not read, or not decoded.
 pub(super) fn unread(scene: &ResolvedScene, assembled: &Assembled) -> String {
     let mut text = String::new();
     for UnreadPart { what, files, reason, .. } in &scene.unread {
@@ -95,6 +95,9 @@ pub(super) fn unread(scene: &ResolvedScene, assembled: &Assembled) -> String {
         }
         let files = if names.is_empty() { String::new() } else { format!(" ({})", names.join(", ")) };
         text += &format!("not read: {what}{files}: {reason}\n");
+    }
+    for contents in &scene.unread_contents {
+        text += &format!("{contents}\n");
     }
     let descriptors = assembled.resources.descriptors.values().flatten().flat_map(Descriptor::kinds);
     let images = descriptors.filter_map(|kind| match kind {

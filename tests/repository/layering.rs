@@ -64,7 +64,6 @@ const JUDGES: &[&str] = &["dashu_ratio", "dashu_float"];
 /// Readers of other crates, and the one file that may call each: it checks what the reader assumes,
 /// bounds what it allocates and catches its panics.
 const READERS: &[(&str, &str)] = &[
-    ("gltf::", "crates/scene/src/mesh/gltf.rs"),
     ("tobj::", "crates/scene/src/mesh/obj.rs"),
     ("ImageReader", "crates/scene/src/image/decode.rs"),
     ("JpegDecoder::", "crates/scene/src/image/png_jpeg.rs"),
@@ -194,7 +193,7 @@ fn readers_stand_behind_one_door_each() {
         let code = without_comments(&text);
         for ((reader, file), found) in READERS.iter().zip(&mut found) {
             let names = code.match_indices(reader).any(|(at, _)| {
-                // `crate::mesh::gltf::` and `gltf::read` are the door itself.
+                // `crate::mesh::obj::` and `obj::read` are the door itself.
                 let before = code[..at].chars().next_back();
                 let door = code[at + reader.len()..].starts_with("read") || before == Some(':');
                 !door && !before.is_some_and(|c| c.is_alphanumeric() || c == '_')

@@ -3,6 +3,7 @@
 mod addresses;
 mod device;
 mod given_sizes;
+mod gltf_models;
 #[cfg(feature = "wgsl")]
 mod pass_bindings;
 mod passes;

@@ -76,7 +76,7 @@ impl CameraEntry {
 
 impl FileCameraEntry {
     fn view(&self, sources: &DataSources<'_>) -> Result<CameraView> {
-        let model = sources.models.open(&self.file, sources.files)?;
+        let model = sources.models.open(&self.file, None, sources.files)?;
         let names = || list_of(model.cameras.iter().map(|camera| camera.name.as_str()));
         let found = match (&self.name, &model.cameras[..]) {
             (Some(name), cameras) => {
@@ -133,10 +133,11 @@ impl CameraView {
             Projection::Perspective { slope, aspect: own, near, far } => {
                 let aspect = own.unwrap_or(aspect);
                 check_planes(near, far)?;
-                if !(slope > 0.0 && slope.is_finite() && aspect > 0.0 && aspect.is_finite()) {
-                    return Err(format!(
-                        "the field of view or the aspect ratio {aspect} is not a positive number"
-                    ));
+                if !(slope > 0.0 && slope.is_finite()) {
+                    return Err("the vertical angle of view is not between 0 and 180 degrees".to_string());
+                }
+                if !(aspect > 0.0 && aspect.is_finite()) {
+                    return Err(format!("the aspect ratio {aspect} is not a positive number"));
                 }
                 // By 1 / far, which is 0 for a plane that is infinitely far.
                 let depth = 1.0 / (near / far - 1.0);
@@ -459,6 +460,16 @@ mod tests {
         for (camera, wanted) in cases {
             let error = camera.view(1.0).unwrap_err();
             assert!(error.contains(wanted), "{error}");
+        }
+    }
+
+    /// tan(3.15 / 2) is negative: an angle of more than 180 degrees.
+    #[test]
+    fn impossible_angles_are_not_reported_as_aspect_ratios() {
+        for slope in [0.0, -238.0, f64::NAN] {
+            let lens = Projection::Perspective { slope, aspect: None, near: 0.1, far: 1.0 };
+            let error = CameraView::new(DMat4::IDENTITY, &lens, 1.6).unwrap_err();
+            assert!(error.contains("vertical angle of view") && !error.contains("1.6"), "{error}");
         }
     }
 

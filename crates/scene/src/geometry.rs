@@ -276,7 +276,7 @@ impl MeshEntry {
 
     /// The file, and which of its parts are taken, each with the transform of its node.
     fn open(&self, files: &dyn Files, models: &OpenModels) -> Result<(Arc<Model>, PlacedParts)> {
-        let model = models.open_as(self.format, &self.file, files)?;
+        let model = models.open_as(self.format, &self.file, None, files)?;
         let key = Self::key(self.format);
         let at = |error: Error| error.at_with(self.file.span.place(), "named here");
         let mut placed = match &self.name {

@@ -354,6 +354,10 @@ impl ImageEntry {
                         let held = DeferredFile::held(bytes.clone()).within(&files.budget());
                         (held, PathBuf::from("a texture of the mesh"))
                     }
+                    PictureSource::Missing(reason) => {
+                        let error = reference.span.error(format!("the texture has no picture: {reason}"));
+                        return Err(error.note("help: name a picture with `file = \"...\"`"));
+                    }
                 };
                 // Numbers that are no colours are not encoded as sRGB.
                 let linear = is_color == Some(false);

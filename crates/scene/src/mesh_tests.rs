@@ -55,6 +55,21 @@ const ROOM: &str = r#"{
   ]
 }"#;
 
+/// The room with an animation that is at (0, 0, 1) at its end, the translation of all nodes.
+fn lift() -> String {
+    let indices = r#"{ "bufferView": 4, "componentType": 5123, "count": 3, "type": "SCALAR" }"#;
+    let times = r#"{ "bufferView": 0, "componentType": 5126, "count": 3, "type": "SCALAR" }"#;
+    let animation = r#"{ "name": "rise", "samplers": [{ "input": 5, "output": 1 }],
+        "channels": [{ "sampler": 0, "target": { "node": 0, "path": "translation" } }] }"#;
+    ROOM.replace(indices, &format!("{indices}, {times}"))
+        .replace(r#""cameras": ["#, &format!(r#""animations": [{animation}], "cameras": ["#))
+}
+
+/// The room without the picture of its first texture.
+fn bare() -> String {
+    ROOM.replace(r#"{ "source": 0, "sampler": 0 }"#, r#"{ "sampler": 0 }"#)
+}
+
 const HOUSE: &str = "o house\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nusemtl brick\nf 1 2 3\nusemtl glass\nf 2 4 3\n\
     o roof\nf 1 2 4\n";
 
@@ -73,7 +88,12 @@ fn try_scene(text: &str) -> Result<ResolvedScene> {
     let format = Format { srgb: false, ..Format::RGBA8_SRGB };
     let tile = Picture { format, extent: [1, 1], texels: vec![255, 128, 0, 255] }
         .encode_png(crate::image::PixelEncoding::STORED)?;
+    let (lift, bare) = (lift(), bare());
+    let empty = ROOM.replace(r#"{ "translation": [10, 0, 0],"#, r#"{ "scale": [0, 0, 0],"#);
     let files = [
+        ("empty.gltf", empty.as_bytes()),
+        ("lift.gltf", lift.as_bytes()),
+        ("bare.gltf", bare.as_bytes()),
         ("room.gltf", ROOM.as_bytes()),
         ("room.bin", &room[..]),
         ("tile.png", &tile[..]),
@@ -412,7 +432,7 @@ fn textures_and_samplers_come_from_materials() {
     );
     assert_eq!(
         (sampler.mag_filter, sampler.min_filter, sampler.max_lod),
-        (Filter::Nearest, Filter::Linear, 0.0)
+        (Filter::Nearest, Filter::Linear, 0.25)
     );
     assert_eq!(sampler.address_mode[..2], [AddressMode::ClampToEdge, AddressMode::Repeat]);
     // A normal map is no colour.
@@ -488,6 +508,48 @@ fn arrays_of_textures_that_are_none() {
 
 fn image_of(texture: &str) -> String {
     format!("[resources.a]\ntype = 'sampled_image'\nbinding = 0\nfile = {{ {texture} }}\n")
+}
+
+#[test]
+fn a_texture_without_a_picture_is_an_error_where_it_is_used() {
+    let error = mistake(&format!(
+        "{}[[model]]\nfile = 'bare.gltf'\n",
+        image_of("mesh = 'floor', texture = 'base_color'")
+    ));
+    assert!(error.contains("the texture has no picture: `textures[0]` has no `source`"), "{error}");
+    scene(&format!("{}[[model]]\nfile = 'bare.gltf'\n", image_of("mesh = 'floor', texture = 'normal'")));
+}
+
+/// A scale of zero hides a node, and a model without visible nodes has no instances.
+#[test]
+fn a_model_of_hidden_nodes_has_no_instances() {
+    let scene = scene("[[model]]\nfile = 'empty.gltf'\n");
+    assert!(scene.tlas.is_empty());
+    let [instances, content] = &scene.notes[..] else { panic!("{:?}", scene.notes) };
+    assert!(instances.starts_with("empty.gltf: no visible node of its scene has a mesh"), "{instances}");
+    assert_eq!(content, "empty.gltf: not read: 2 hidden nodes");
+}
+
+#[test]
+fn animations_are_read_at_a_time_or_noted() {
+    let rest = scene("[[model]]\nfile = 'lift.gltf'\n");
+    assert_eq!(rest.notes, ["lift.gltf: not read: 1 animation"]);
+    assert_eq!(rest.unread_contents[0].contents, ["1 animation"]);
+    let at = |more: &str| format!("[[model]]\nfile = 'lift.gltf'\n{more}");
+    let moved = scene(&at("time = 1\nanimation = 'rise'\n"));
+    assert!(moved.notes.is_empty() && moved.unread_contents.is_empty());
+    let ground = |scene: &ResolvedScene| scene.tlas[0].1.instances()[0].transform;
+    assert_eq!(ground(&rest), [[2., 0., 0., 10.], [0., 2., 0., 0.], [0., 0., 2., 0.]]);
+    assert_eq!(ground(&moved), [[2., 0., 0., 0.], [0., 2., 0., 0.], [0., 0., 2., 1.]]);
+    for (more, wanted) in [
+        ("animation = 'rise'\n", "`animation` requires a time"),
+        ("time = nan\n", "`time` must be finite"),
+        ("time = 1\nanimation = 'fall'\n", "the file has no animation `fall`"),
+    ] {
+        assert!(mistake(&at(more)).contains(wanted), "{}", mistake(&at(more)));
+    }
+    let obj = mistake("[[model]]\nfile = 'house.obj'\ntime = 1\n");
+    assert!(obj.contains("OBJ files have no animations"), "{obj}");
 }
 
 #[test]

@@ -7,12 +7,14 @@ use crate::entry::Entry;
 use crate::files::Files;
 use crate::geometry::GeometryEntry;
 use crate::instance_entry::{InstanceEntry, bits24, instance_flags};
+use crate::mesh::listed::AnimationTime;
 use crate::mesh::model::Model;
 use crate::open_models::{MeshSelection, OpenModels};
 use crate::read::{Diagnostics, Named, Parse, Span, Spanned, Table, TomlValue};
 use crate::transform_entry::{matrix_of, parse_transform};
 use anyhit_base::error::Result;
 use anyhit_base::error::names::{list_of, nearest};
+use anyhit_base::escape;
 use anyhit_engine::accel::{GeometryFlags, InstanceFlags};
 
 /// A model as a scene writes it.
@@ -22,6 +24,8 @@ pub struct ModelEntry {
     pub span: Span,
     /// The file.
     pub file: Spanned<String>,
+    /// The time of an animation of the file.
+    pub time: Option<AnimationTime>,
     /// What the names of its meshes begin with.
     pub name: Option<Spanned<String>>,
     transform: Option<[[f32; 4]; 3]>,
@@ -132,6 +136,7 @@ impl Parse for ModelEntry {
         let table = Table::new(value)?;
         let file = table.required("file");
         let name = table.optional("name");
+        let time = animation_time(&table);
         let transform = parse_transform(&table);
         let tlas = table.or("tlas", "main".to_string());
         let instances = table.or("instances", true);
@@ -145,8 +150,26 @@ impl Parse for ModelEntry {
             }
         }
         table.finish();
-        Some(Self { span: value.span(), file: file?, name, transform, tlas, instances, all, meshes })
+        Some(Self { span: value.span(), file: file?, time, name, transform, tlas, instances, all, meshes })
     }
+}
+
+/// Reads `time` and `animation`.
+fn animation_time(table: &Table<'_>) -> Option<AnimationTime> {
+    let time = table.optional::<Spanned<f32>>("time");
+    let animation = table.optional::<Spanned<String>>("animation");
+    let Some(time) = time else {
+        if let Some(animation) = animation {
+            let error = animation.span.error("`animation` requires a time");
+            table.report().push(error.note("help: add `time = 0.0`, in seconds"));
+        }
+        return None;
+    };
+    if !time.value.is_finite() {
+        table.report().push(time.span.error("`time` must be finite"));
+        return None;
+    }
+    Some(AnimationTime { time: time.value, animation: animation.map(|name| name.value) })
 }
 
 /// What the models of a scene are made into.
@@ -170,7 +193,7 @@ impl Expanded {
         report: &Diagnostics,
         is_taken: &dyn Fn(&str) -> bool,
     ) {
-        let Some(model) = report.keep(models.open(&entry.file, files)) else { return };
+        let Some(model) = report.keep(models.open(&entry.file, entry.time.as_ref(), files)) else { return };
         let prefix = entry.name.as_ref().map_or(String::new(), |name| format!("{}.", name.value));
         let keys = entry.keys_of_meshes(&model, report);
         let span = entry.name.as_ref().map_or(&entry.file.span, |name| &name.span);
@@ -224,8 +247,10 @@ impl Expanded {
             return;
         }
         if model.nodes.is_empty() {
-            report.push(entry.file.span.error("no node of the scene in the file has a mesh").note(
-                "to create only geometries, set `instances = false`, and place them with `[[instance]]`",
+            report.note(format!(
+                "{}: no visible node of its scene has a mesh, so that the model has no instances; place its \
+                 geometries with `[[instance]]`",
+                escape::path(&model.path)
             ));
         }
         let own = entry.transform.map(|rows| matrix_of(&rows));

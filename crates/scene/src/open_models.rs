@@ -5,14 +5,19 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use crate::files::Files;
+use crate::mesh::listed::AnimationTime;
 use crate::mesh::model::{MeshFormat, Model};
 use crate::read::Spanned;
 use crate::read_file::file_error;
 use anyhit_base::error::{Error, Result};
+use anyhit_base::sorted::sort_by;
 
 /// The mesh files of a scene, each of which is opened once.
 #[derive(Debug, Default)]
-pub struct OpenModels(Mutex<HashMap<PathBuf, Arc<OnceLock<Opened>>>>);
+pub struct OpenModels(Mutex<HashMap<ModelKey, Arc<OnceLock<Opened>>>>);
+
+/// A file, and the bits of the time and the name of an animation.
+type ModelKey = (PathBuf, Option<(u32, Option<String>)>);
 
 /// A mesh file, or why it could not be opened.
 type Opened = Result<Arc<Model>, Unopened>;
@@ -29,9 +34,14 @@ impl OpenModels {
     ///
     /// # Errors
     /// As [`Model::open`]; also where the name does not say what the file is.
-    pub fn open(&self, file: &Spanned<String>, files: &dyn Files) -> Result<Arc<Model>> {
+    pub fn open(
+        &self,
+        file: &Spanned<String>,
+        time: Option<&AnimationTime>,
+        files: &dyn Files,
+    ) -> Result<Arc<Model>> {
         match MeshFormat::of(Path::new(&file.value)) {
-            Some(format) => self.open_as(format, file, files),
+            Some(format) => self.open_as(format, file, time, files),
             None => Err(file
                 .span
                 .error(format!("`{}` is not a mesh file", file.value))
@@ -48,20 +58,33 @@ impl OpenModels {
         &self,
         format: MeshFormat,
         file: &Spanned<String>,
+        time: Option<&AnimationTime>,
         files: &dyn Files,
     ) -> Result<Arc<Model>> {
         let path = file.span.source.sibling(&file.value);
+        let key = (path.clone(), time.map(AnimationTime::key));
         let mut known = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        let opened = known.entry(path.clone()).or_default().clone();
+        let opened = known.entry(key).or_default().clone();
         drop(known);
         let opened = opened.get_or_init(|| {
             let bytes = files.read(&path).map_err(Unopened::Unread)?;
-            Model::open(format, &path, bytes, files).map(Arc::new).map_err(Unopened::Broken)
+            Model::open_at(format, &path, bytes, files, time).map(Arc::new).map_err(Unopened::Broken)
         });
         opened.clone().map_err(|unopened| match unopened {
             Unopened::Unread(error) => file_error(error, &file.span, &path),
             Unopened::Broken(error) => error.at_with(file.span.place(), "named here"),
         })
+    }
+}
+
+impl OpenModels {
+    /// The models that are open, in the order of their paths.
+    pub fn opened(&self) -> Vec<Arc<Model>> {
+        let known = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let opened = known.values().filter_map(|opened| opened.get()?.as_ref().ok().cloned());
+        let mut models: Vec<_> = opened.collect();
+        sort_by(&mut models, |one, other| one.path.cmp(&other.path));
+        models
     }
 }
 

@@ -23,7 +23,7 @@ use crate::read_file::read_limited;
 use crate::resolve::kept_places::KeptPlace;
 use crate::resolve::modules::{ModuleKey, SceneModules};
 use crate::resolve::variants::chosen_variant;
-use crate::resolved::{ResolvedGroup, ResolvedScene, ShaderModule, UnreadPart};
+use crate::resolved::{ResolvedGroup, ResolvedScene, ShaderModule, UnreadContents, UnreadPart};
 use crate::resources::ResourceEntry;
 use anyhit_base::error::{Error, ErrorKind, Place, Result};
 use anyhit_base::escape;
@@ -362,6 +362,7 @@ impl<'a> Resolver<'a> {
             self.note_default_launch("");
         }
         let geometry_names = tlas.iter().map(|(name, _)| self.geometry_names(name)).collect();
+        let unread_contents = self.unread_contents();
         let scene = ResolvedScene {
             path: self.own.source().path.clone(),
             geometry_names,
@@ -373,6 +374,7 @@ impl<'a> Resolver<'a> {
             resources,
             unbound,
             unread: self.unread,
+            unread_contents,
             kept_addresses: SortedSet::new(),
             dispatches,
             passes,
@@ -395,6 +397,16 @@ impl<'a> Resolver<'a> {
             assign_addresses::check(&scene, self.report);
         }
         Some(scene)
+    }
+
+    /// Lists and notes what the models of the scene contain and no reader reads.
+    fn unread_contents(&self) -> Vec<UnreadContents> {
+        let models = self.open_models.opened();
+        let partial = models.iter().filter(|model| !model.unread.is_empty());
+        let mut contents: Vec<_> = partial.map(|model| UnreadContents::of(model)).collect();
+        contents.dedup();
+        contents.iter().for_each(|contents| self.report.note(contents.to_string()));
+        contents
     }
 
     /// Notes that a launch has the size that no file gives; `of` says which launch.

@@ -10,10 +10,12 @@ use crate::encoding::Data;
 use crate::file::{MissingDescriptors, RayEntry};
 use crate::files::SceneFiles;
 use crate::image::PixelEncoding;
+use crate::mesh::model::Model;
 use crate::read::Document;
 use crate::resources::{Output, Resource};
 use crate::specialization::{SpecializationKey, SpecializationValue};
 use anyhit_base::error::Place;
+use anyhit_base::escape;
 use anyhit_base::sorted::SortedSet;
 use anyhit_compile::SourceSettings;
 use anyhit_engine::accel::Tlas;
@@ -45,6 +47,8 @@ pub struct ResolvedScene {
     pub unbound: Vec<UnboundBuffer>,
     /// What nothing reads, so that its files were not opened.
     pub unread: Vec<UnreadPart>,
+    /// The content of models that no reader reads.
+    pub unread_contents: Vec<UnreadContents>,
     /// What keeps its address, although nothing in the scene names it any more.
     pub kept_addresses: SortedSet<String>,
     /// Dispatches of compute shaders, in order; a ray-tracing launch comes before them.
@@ -375,6 +379,29 @@ pub struct UnreadPart {
     pub files: Vec<String>,
     /// Why nothing reads it.
     pub reason: &'static str,
+}
+
+/// The content of a model that no reader reads.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct UnreadContents {
+    /// The file.
+    pub file: PathBuf,
+    /// The kinds of content, each with its number.
+    pub contents: Vec<String>,
+}
+
+impl UnreadContents {
+    /// The content of a model that is not read.
+    pub(crate) fn of(model: &Model) -> Self {
+        Self { file: model.path.clone(), contents: model.unread.clone() }
+    }
+}
+
+impl fmt::Display for UnreadContents {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let contents = self.contents.join("; ");
+        write!(f, "{}: not read: {}", escape::path(&self.file), escape::line(&contents))
+    }
 }
 
 /// A buffer that has no binding of its own: shaders reach it by its address, or by those of its

@@ -106,7 +106,38 @@ fn square_json(buffer: &str) -> String {
     )
 }
 
-/// A square as glTF with its buffer inside, and as GLB.
+/// The square with a skin, a morph target, instances, a texture and an animation, whose accessors
+/// are zeros.
+fn posed_json(buffer: &str) -> String {
+    let more = r#""skins":[{"joints":[0],"inverseBindMatrices":4}],
+"animations":[{"name":"a","channels":[{"sampler":0,"target":{"node":0,"path":"translation"}},
+{"sampler":1,"target":{"node":1,"path":"weights"}}],
+"samplers":[{"input":5,"output":6},{"input":5,"output":7,"interpolation":"CUBICSPLINE"}]}],
+"materials":[{"normalTexture":{"index":0,"scale":0.5}}],"textures":[{"sampler":0,"source":0}],
+"samplers":[{"minFilter":9728,"wrapS":10497}],"images":[{"bufferView":3,"mimeType":"image/png"}],
+"extensionsRequired":["KHR_mesh_quantization","EXT_mesh_gpu_instancing"],"buffers""#;
+    let zeros = r#"{"componentType":5123,"count":4,"type":"VEC4"},
+{"componentType":5126,"count":4,"type":"VEC4"},{"componentType":5126,"count":1,"type":"MAT4"},
+{"componentType":5126,"count":2,"type":"SCALAR"},{"componentType":5126,"count":2,"type":"VEC3"},
+{"componentType":5126,"count":6,"type":"SCALAR"}]}"#;
+    let text = square_json(buffer)
+        .replace(r#""mesh":0,"#, r#""mesh":0,"skin":0,"weights":[0.5],"#)
+        .replace(r#""nodes":[{"children":[1],"#, r#""nodes":[{"children":[1,2],"#)
+        .replace(
+            r#""scale":[1,2,1]}"#,
+            r#""scale":[1,2,1]},
+{"mesh":0,"scale":[1,0,1],"extensions":{"EXT_mesh_gpu_instancing":{"attributes":{"TRANSLATION":0}}}}"#,
+        )
+        .replace(
+            r#""POSITION":0},"#,
+            r#""POSITION":0,"JOINTS_0":2,"WEIGHTS_0":3},"targets":[{"POSITION":0}],"material":0,"#,
+        )
+        .replace(r#""buffers""#, more);
+    let (begin, _) = text.rsplit_once("]}").unwrap_or_default();
+    format!("{begin},{zeros}")
+}
+
+/// A square as glTF with its buffer inside, and as GLB; posed as glTF.
 pub fn gltf() -> Vec<Seed> {
     let bytes = square();
     let inside = format!(
@@ -126,7 +157,12 @@ pub fn gltf() -> Vec<Seed> {
     glb.extend((bytes.len() as u32).to_le_bytes());
     glb.extend(b"BIN\0");
     glb.extend(bytes);
-    vec![("square.gltf".into(), square_json(&inside).into_bytes()), ("square.glb".into(), glb)]
+    let posed = posed_json(&inside).into_bytes();
+    vec![
+        ("square.gltf".into(), square_json(&inside).into_bytes()),
+        ("square.glb".into(), glb),
+        ("posed.gltf".into(), posed),
+    ]
 }
 
 /// Bytes as base64 (RFC 4648).

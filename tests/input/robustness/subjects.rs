@@ -15,6 +15,7 @@ use anyhit_engine::module::ty::TypeId;
 use anyhit_engine::program::lower;
 use anyhit_engine::{interp, module};
 use anyhit_scene::image::Picture;
+use anyhit_scene::mesh::listed::AnimationTime;
 use anyhit_scene::mesh::model::{MeshFormat, Model};
 use anyhit_scene::{DiskFiles, Files, LoadOptions, assemble, load_text};
 
@@ -164,11 +165,23 @@ pub fn scene(bytes: &[u8]) -> bool {
     expectations.map_or_else(|error| refused(&error), |_| true)
 }
 
-/// Reads a glTF or GLB file.
+/// Reads a glTF or GLB file with all attributes, in its rest state and at a time.
 pub fn gltf(bytes: &[u8]) -> bool {
-    let read = Model::open(MeshFormat::Gltf, Path::new("mesh.gltf"), bytes.to_vec(), &Repository);
-    read.and_then(|model| (0..model.parts.len()).try_for_each(|part| model.triangles(part).map(drop)))
-        .map_or_else(|error| refused(&error), |()| true)
+    let read = |time: Option<&AnimationTime>| {
+        let path = Path::new("mesh.gltf");
+        let model = Model::open_at(MeshFormat::Gltf, path, bytes.to_vec(), &Repository, time)?;
+        for (at, part) in model.parts.iter().enumerate() {
+            model.triangles(at)?;
+            for name in &part.attributes {
+                // Attributes that nothing uses may be of any type.
+                model.attribute(at, name).map_or_else(|error| refused(&error), |_| true);
+            }
+        }
+        Ok(())
+    };
+    let time = AnimationTime { time: 0.5, animation: None };
+    read(Some(&time)).map_or_else(|error| refused(&error), |()| true);
+    read(None).map_or_else(|error| refused(&error), |()| true)
 }
 
 /// Reads an OBJ file.

@@ -118,7 +118,7 @@ limits! {
     MeshNodes "mesh-nodes" 1 << 20, "nodes of a mesh";
     /// Elements of glTF accessors that stand in no buffer, because a sparse accessor without a
     /// buffer view begins with zeros: 2^22.
-    MeshSparse "mesh-sparse" 1 << 22, "elements of sparse accessors without a buffer view";
+    MeshSparse "mesh-sparse" 1 << 22, "elements of accessors without a buffer view";
     /// Objects and groups of an OBJ file, or values of a glTF file's JSON: 2^22.
     MeshValues "mesh-values" 1 << 22, "values of a mesh file";
     /// Width and height of an image, in texels: 32768, as the common `maxImageDimension2D`.

@@ -226,6 +226,10 @@ pub fn json(result: &SuiteResult) -> Value {
             "rays": rays,
         });
     }
+    let notes = result.notes();
+    if !notes.is_empty() {
+        all["notes"] = json!(notes);
+    }
     all
 }
 

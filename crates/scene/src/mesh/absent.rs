@@ -5,6 +5,8 @@ use std::path::Path;
 
 use crate::files::Files;
 use crate::mesh::Mesh;
+#[cfg(not(feature = "gltf"))]
+use crate::mesh::listed::AnimationTime;
 use crate::mesh::listed::{Listed, Numbers};
 use anyhit_base::error::{Error, ErrorKind, Place, Result, feature_note};
 
@@ -22,7 +24,12 @@ pub(super) enum GltfFile {}
 
 #[cfg(not(feature = "gltf"))]
 impl GltfFile {
-    pub(super) fn open(path: &Path, _: Vec<u8>, _: &dyn Files) -> Result<(Listed, Self)> {
+    pub(super) fn open(
+        path: &Path,
+        _: Vec<u8>,
+        _: &dyn Files,
+        _: Option<&AnimationTime>,
+    ) -> Result<(Listed, Self)> {
         Err(missing("glTF", "gltf", path))
     }
 

@@ -13,6 +13,22 @@ pub struct ModelNode {
     pub world: glam::DMat4,
 }
 
+/// A time of an animation of a model.
+#[derive(Clone, Debug, PartialEq)]
+pub struct AnimationTime {
+    /// The time in seconds.
+    pub time: f32,
+    /// The name of the animation; the first one if `None`.
+    pub animation: Option<String>,
+}
+
+impl AnimationTime {
+    /// The bits of the time and the name of the animation.
+    pub(crate) fn key(&self) -> (u32, Option<String>) {
+        (self.time.to_bits(), self.animation.clone())
+    }
+}
+
 /// The content of a file before its names are made.
 pub(super) struct Listed {
     /// The name of each mesh, and of its parts all but the name.
@@ -21,6 +37,8 @@ pub(super) struct Listed {
     pub materials: Vec<Material>,
     pub textures: Vec<Texture>,
     pub cameras: Vec<FileCamera>,
+    /// The content that is not read, each kind with its number.
+    pub unread: Vec<String>,
 }
 
 /// A part without a name.

@@ -173,6 +173,8 @@ pub enum PictureSource {
     File(PathBuf),
     /// Bytes of a buffer of the mesh file, or of a data URI.
     Bytes(Arc<[u8]>),
+    /// None that is read, for this reason.
+    Missing(String),
 }
 
 /// A camera of a file.

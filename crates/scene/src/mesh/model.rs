@@ -7,7 +7,7 @@ use std::sync::Arc;
 use crate::files::Files;
 use crate::mesh::Mesh;
 use crate::mesh::gltf::GltfFile;
-use crate::mesh::listed::{Listed, ListedPart, ModelNode, Numbers};
+use crate::mesh::listed::{AnimationTime, Listed, ListedPart, ModelNode, Numbers};
 use crate::mesh::material::{FileCamera, Material, Texture, TextureSlot};
 use crate::mesh::obj::ObjFile;
 use crate::read::Named;
@@ -32,6 +32,8 @@ pub struct Model {
     pub textures: Vec<Texture>,
     /// The cameras of the default scene.
     pub cameras: Vec<FileCamera>,
+    /// The content of the file that is not read, each kind with its number.
+    pub unread: Vec<String>,
     source: Source,
 }
 
@@ -92,23 +94,42 @@ pub struct MeshParts {
 }
 
 impl Model {
-    /// Opens a file.
+    /// Opens a file in its rest state.
     ///
     /// # Errors
-    /// `InvalidMesh` for a broken file, or one beyond a limit; `UnsupportedFile` for points and
-    /// lines of glTF; `Io` where a file that it names cannot be read.
+    /// As [`Model::open_at`].
     pub fn open(format: MeshFormat, path: &Path, bytes: Vec<u8>, files: &dyn Files) -> Result<Self> {
+        Self::open_at(format, path, bytes, files, None)
+    }
+
+    /// Opens a file, at a time of an animation if one is selected.
+    ///
+    /// # Errors
+    /// `InvalidMesh` for a broken file, or one beyond a limit; `UnsupportedFile` for glTF of
+    /// another version, without triangles or with an extension that changes them; `Io` where a file
+    /// that it names cannot be read.
+    pub fn open_at(
+        format: MeshFormat,
+        path: &Path,
+        bytes: Vec<u8>,
+        files: &dyn Files,
+        time: Option<&AnimationTime>,
+    ) -> Result<Self> {
         let (listed, source) = match format {
             MeshFormat::Gltf => {
-                let (listed, file) = GltfFile::open(path, bytes, files)?;
+                let (listed, file) = GltfFile::open(path, bytes, files, time)?;
                 (listed, Source::Gltf(Box::new(file)))
+            }
+            MeshFormat::Obj if time.is_some() => {
+                let error = Error::new(ErrorKind::InvalidMesh, "OBJ files have no animations");
+                return Err(error.at(Place::File(path.to_path_buf())));
             }
             MeshFormat::Obj => {
                 let (listed, file) = ObjFile::open(path, &bytes, files)?;
                 (listed, Source::Obj(file))
             }
         };
-        let Listed { meshes: listed, nodes, mut materials, textures, cameras } = listed;
+        let Listed { meshes: listed, nodes, mut materials, textures, cameras, unread } = listed;
         let default = materials.len();
         let has_default = listed.iter().flat_map(|(_, parts)| parts).any(|part| part.material.is_none());
         if has_default {
@@ -127,7 +148,7 @@ impl Model {
             meshes.push(MeshParts { name, given, first, count });
         }
         let path = path.to_path_buf();
-        Ok(Self { path, parts, meshes, nodes, materials, textures, cameras, source })
+        Ok(Self { path, parts, meshes, nodes, materials, textures, cameras, unread, source })
     }
 
     /// The triangles of a part.

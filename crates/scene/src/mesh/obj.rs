@@ -117,7 +117,10 @@ fn decode(path: &Path, bytes: &[u8], files: &dyn Files) -> Result<(Listed, ObjFi
     }
     let node = |mesh| ModelNode { name: None, mesh, world: glam::DMat4::IDENTITY };
     let nodes = (0..meshes.len()).map(node).collect();
-    Ok((Listed { meshes, nodes, materials, textures, cameras: Vec::new() }, ObjFile { groups }))
+    Ok((
+        Listed { meshes, nodes, materials, textures, cameras: Vec::new(), unread: Vec::new() },
+        ObjFile { groups },
+    ))
 }
 
 /// The groups of a file whose materials have these names, as `tobj` reads it.

@@ -8,6 +8,7 @@ use smallvec::SmallVec;
 
 use crate::geometry::GeometryEntry;
 use crate::instance_entry::InstanceEntry;
+use crate::mesh::listed::AnimationTime;
 use crate::mesh::model::MeshFormat;
 use crate::models::Expanded;
 use crate::resolve::Resolver;
@@ -98,19 +99,22 @@ impl Resolver<'_> {
     /// Opens the mesh files at the same time, where there are several. Errors are reported where
     /// the files are used.
     fn open_on_threads(&self) {
-        let models = self
-            .models
-            .iter()
-            .filter_map(|entry| Some((MeshFormat::of(Path::new(&entry.file.value))?, &entry.file)));
+        let models = self.models.iter().filter_map(|entry| {
+            let format = MeshFormat::of(Path::new(&entry.file.value))?;
+            Some((format, &entry.file, entry.time.as_ref()))
+        });
         let contents = self.geometry.entries.iter().filter_map(|entry| entry.content.as_ref());
         let mut opened = HashSet::new();
-        let all = models.chain(contents.filter_map(GeometryEntry::mesh_file));
-        let files: Vec<_> = all.filter(|(_, file)| opened.insert(&file.value)).collect();
+        let others = contents.filter_map(GeometryEntry::mesh_file).map(|(format, file)| (format, file, None));
+        let all = models.chain(others);
+        let files: Vec<_> = all
+            .filter(|(_, file, time)| opened.insert((&file.value, time.map(AnimationTime::key))))
+            .collect();
         let (models, source) = (&self.open_models, self.files);
         if files.len() > 1 {
             map_on_threads(files.len(), |at| {
-                let (format, file) = files[at];
-                drop(models.open_as(format, file, source));
+                let (format, file, time) = files[at];
+                drop(models.open_as(format, file, time, source));
             });
         }
     }

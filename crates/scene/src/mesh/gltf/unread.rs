@@ -1,0 +1,111 @@
+//! The content of a glTF file that is not read.
+
+use std::collections::BTreeSet;
+
+use crate::mesh::gltf::document::{Document, Mode, Primitive};
+use anyhit_base::error::names::list_of;
+use anyhit_base::error::{Error, ErrorKind, Result};
+
+/// The extensions that are read.
+const READ: &[&str] = &[
+    "EXT_mesh_gpu_instancing",
+    "KHR_materials_emissive_strength",
+    "KHR_materials_ior",
+    "KHR_materials_transmission",
+    "KHR_mesh_quantization",
+    "KHR_node_visibility",
+    "KHR_texture_transform",
+];
+
+/// The extensions that compress. Only what is compressed is not read.
+const COMPRESSED: &[&str] =
+    &["EXT_meshopt_compression", "KHR_draco_mesh_compression", "KHR_meshopt_compression"];
+
+/// The extensions that do not change triangles, besides those of materials, textures and lights.
+const WITHOUT_GEOMETRY: &[&str] = &[
+    "EXT_instance_features",
+    "EXT_mesh_features",
+    "EXT_structural_metadata",
+    "KHR_animation_pointer",
+    "KHR_audio_emitter",
+    "KHR_xmp",
+    "KHR_xmp_json_ld",
+];
+
+/// Returns true if the triangles of a file are the same without an extension.
+fn leaves_geometry(extension: &str) -> bool {
+    let what = extension.split_once('_').map_or("", |(_, what)| what);
+    let is_of_look = ["materials_", "texture_", "lights_"].iter().any(|begin| what.starts_with(begin));
+    is_of_look || WITHOUT_GEOMETRY.contains(&extension)
+}
+
+/// Checks that the extensions that a file requires are read, or do not change its triangles.
+pub(super) fn check_required(document: &Document) -> Result<()> {
+    let is_known = |name: &str| READ.contains(&name) || COMPRESSED.contains(&name) || leaves_geometry(name);
+    match document.extensions_required.iter().find(|name| !is_known(name)) {
+        None => Ok(()),
+        Some(name) => {
+            let message = format!("{name}: the file requires this extension, which is not read");
+            Err(Error::new(ErrorKind::UnsupportedFile, message)
+                .note("help: export the model without this extension"))
+        }
+    }
+}
+
+/// Why a primitive is not read.
+pub(super) fn skipped(primitive: &Primitive) -> Option<&'static str> {
+    match primitive.mode {
+        Mode::Points => Some("points"),
+        Mode::Lines => Some("lines"),
+        // glTF 2.0, 3.7.2.1: primitives without positions are not drawn.
+        _ if !primitive.attributes.contains_key("POSITION") => Some("triangles without positions"),
+        _ => None,
+    }
+}
+
+/// Counts that only a walk through the nodes yields.
+#[derive(Debug, Default)]
+pub(super) struct Ignored {
+    /// Animations besides the one that is read.
+    pub animations: usize,
+    /// Nodes with a mesh that are hidden.
+    pub hidden: usize,
+    /// Nodes with a skin whose mesh has no joints.
+    pub skins: usize,
+}
+
+/// Lists what is not read, each kind with its number.
+pub(super) fn list(document: &Document, ignored: &Ignored) -> Vec<String> {
+    let mut all = Vec::new();
+    let mut add = |count: usize, one: &str, more: &str| match count {
+        0 => {}
+        1 => all.push(format!("1 {one}")),
+        count => all.push(format!("{count} {more}")),
+    };
+    add(ignored.animations, "animation", "animations");
+    add(ignored.skins, "skin of a mesh without joints", "skins of meshes without joints");
+    add(ignored.hidden, "hidden node", "hidden nodes");
+    add(document.scenes.len().saturating_sub(1), "further scene", "further scenes");
+    let primitives = || document.meshes.iter().flat_map(|mesh| &mesh.primitives);
+    for kind in ["points", "lines", "triangles without positions"] {
+        let count = primitives().filter(|primitive| skipped(primitive) == Some(kind)).count();
+        add(count, &format!("primitive of {kind}"), &format!("primitives of {kind}"));
+    }
+    let pictures = document.textures.iter().filter(|texture| texture.source.is_none()).count();
+    add(pictures, "texture without a picture", "textures without a picture");
+    let used = document.extensions_used.iter().chain(&document.extensions_required);
+    let of_objects = (document.materials.iter().map(|material| &material.extensions))
+        .chain(document.textures.iter().map(|texture| &texture.extensions))
+        .chain(document.nodes.iter().map(|node| &node.extensions))
+        .chain(primitives().map(|primitive| &primitive.extensions));
+    let mut extensions: BTreeSet<&str> = used.map(String::as_str).collect();
+    extensions.extend(of_objects.flat_map(|extensions| extensions.keys()).map(String::as_str));
+    extensions.retain(|name| !READ.contains(name));
+    let names = list_of(extensions.iter().copied());
+    match extensions.len() {
+        0 => {}
+        1 => all.push(format!("the extension {names}")),
+        _ => all.push(format!("the extensions {names}")),
+    }
+    all
+}
