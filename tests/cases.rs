@@ -184,7 +184,7 @@ fn no_alarm(case: &Case) -> Result<(), Failed> {
     let seeds = ManySeeds { seeds: 0..8, levels, ..ManySeeds::default() };
     let mut drawn = seeds.run(&scene, &assembled).map_err(failed)?;
     for at in case.rays.iter().map(|ray| ray.index) {
-        let ray = ResolvedRequest::of(&scene.rays[*at]).map_err(failed)?;
+        let ray = ResolvedRequest::of(&scene.rays[at]).map_err(failed)?;
         drawn.extend(seeds.run_one(&scene, &assembled, &ray).map_err(failed)?);
     }
     for (what, findings) in [("the sanitizer", run.findings), ("many seeds", drawn)] {

@@ -421,7 +421,7 @@ impl Error {
         escape::text(&String::from_utf8_lossy(&writer.into_inner()), true).into_owned()
     }
 
-    fn render_to(&self, writer: &mut (impl WriteStyle + io::Write)) {
+    fn render_to(&self, writer: &mut impl WriteStyle) {
         self.render_one(writer);
         for other in &self.0.others {
             // Writing to a vector does not fail.
@@ -434,7 +434,7 @@ impl Error {
         }
     }
 
-    fn render_one(&self, writer: &mut (impl WriteStyle + io::Write)) {
+    fn render_one(&self, writer: &mut impl WriteStyle) {
         let mut notes = Vec::new();
         let mut labels = Vec::new();
         let mut file = SimpleFile::new(String::new(), Arc::<str>::from(""));

@@ -74,7 +74,7 @@ pub struct AtomicFile {
 #[derive(Debug)]
 enum Way {
     /// To a temporary file, which is to be renamed.
-    Beside { file: File, temporary: Temporary, target: PathBuf, before: Option<Metadata> },
+    Beside { file: File, temporary: Temporary, target: PathBuf, replaces: bool },
     /// Over the old content.
     InPlace(InPlace),
     /// To what keeps no content.
@@ -178,13 +178,13 @@ impl Way {
             // Better in place than with other rights.
             return Ok(Self::InPlace(InPlace::new(&target)?));
         }
-        Ok(Self::Beside { file, temporary, target, before })
+        Ok(Self::Beside { file, temporary, target, replaces: before.is_some() })
     }
 
     fn finish(self, sync: bool) -> Result<(), (io::Error, Kept)> {
         match self {
-            Self::Beside { file, temporary, target, before } => {
-                let kept = || if before.is_some() { Kept::Old } else { Kept::Nothing };
+            Self::Beside { file, temporary, target, replaces } => {
+                let kept = || if replaces { Kept::Old } else { Kept::Nothing };
                 if sync {
                     flush_to_disk(&file).map_err(|error| (error, kept()))?;
                 }
@@ -198,7 +198,7 @@ impl Way {
                         Ok(())
                     }
                     // Something is mounted on the file itself.
-                    Err((error, temporary)) if before.is_some() && is_mounted(&error) => {
+                    Err((error, temporary)) if replaces && is_mounted(&error) => {
                         let place = InPlace::new(&target).map_err(|error| (error, Kept::Old))?;
                         place.copy(temporary.path(), sync)
                     }
@@ -212,7 +212,7 @@ impl Way {
 
     fn abandon(self) -> Kept {
         match self {
-            Self::Beside { before: Some(_), .. } => Kept::Old,
+            Self::Beside { replaces: true, .. } => Kept::Old,
             Self::Beside { .. } => Kept::Nothing,
             Self::InPlace(mut file) => file.put_back(),
             Self::Stream(_) => Kept::Stream,

@@ -32,7 +32,7 @@ impl TestFile {
 
     /// Adds an accessor and returns its index.
     pub(super) fn add(&mut self, component: u32, shape: &str, count: usize, bytes: &[u8]) -> usize {
-        while self.bytes.len() % 4 != 0 {
+        while !self.bytes.len().is_multiple_of(4) {
             self.bytes.push(0);
         }
         let offset = self.bytes.len();
