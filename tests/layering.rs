@@ -63,7 +63,6 @@ const JUDGES: &[&str] = &["dashu_ratio", "dashu_float"];
 /// bounds what it allocates and catches its panics.
 const READERS: &[(&str, &str)] = &[
     ("gltf::", "crates/scene/src/mesh/gltf.rs"),
-    ("tobj::", "crates/scene/src/mesh/obj.rs"),
     ("MetaData::read_from_buffered", "crates/scene/src/image/openexr.rs"),
     ("jpeg_decoder::Decoder", "crates/scene/src/image/png_jpeg.rs"),
     ("png::Decoder", "crates/scene/src/image/png_jpeg.rs"),

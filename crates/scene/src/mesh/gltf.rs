@@ -103,7 +103,14 @@ impl GltfFile {
         if let Some(scene) = self.document.default_scene().or_else(|| self.document.scenes().next()) {
             scene.nodes().try_for_each(|node| walk.node(&node, &glam::DMat4::IDENTITY, 0))?;
         }
-        Ok(Listed { meshes, nodes: walk.nodes, materials, textures, cameras: walk.cameras })
+        Ok(Listed {
+            meshes,
+            nodes: walk.nodes,
+            materials,
+            textures,
+            cameras: walk.cameras,
+            unread: Vec::new(),
+        })
     }
 
     fn list_primitive(&self, primitive: &Primitive<'_>, counts: &mut Counts) -> Result<ListedPart> {

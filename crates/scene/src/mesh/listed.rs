@@ -21,6 +21,8 @@ pub(super) struct Listed {
     pub materials: Vec<Material>,
     pub textures: Vec<Texture>,
     pub cameras: Vec<FileCamera>,
+    /// The content that is not read, each kind with its number.
+    pub unread: Vec<String>,
 }
 
 /// A part without a name.

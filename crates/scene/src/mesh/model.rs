@@ -32,6 +32,8 @@ pub struct Model {
     pub textures: Vec<Texture>,
     /// The cameras of the default scene.
     pub cameras: Vec<FileCamera>,
+    /// The content of the file that is not read, each kind with its number.
+    pub unread: Vec<String>,
     source: Source,
 }
 
@@ -108,7 +110,7 @@ impl Model {
                 (listed, Source::Obj(file))
             }
         };
-        let Listed { meshes: listed, nodes, mut materials, textures, cameras } = listed;
+        let Listed { meshes: listed, nodes, mut materials, textures, cameras, unread } = listed;
         let default = materials.len();
         let has_default = listed.iter().flat_map(|(_, parts)| parts).any(|part| part.material.is_none());
         if has_default {
@@ -127,7 +129,7 @@ impl Model {
             meshes.push(MeshParts { name, given, first, count });
         }
         let path = path.to_path_buf();
-        Ok(Self { path, parts, meshes, nodes, materials, textures, cameras, source })
+        Ok(Self { path, parts, meshes, nodes, materials, textures, cameras, unread, source })
     }
 
     /// The triangles of a part.
