@@ -114,8 +114,8 @@ fn jpeg_header_of(format: PixelFormat, extent: [u32; 2], size: u64) -> Header {
         PixelFormat::RGB24 | PixelFormat::CMYK32 => (3, 1),
     };
     let plausible = size.saturating_mul(JPEG_TEXELS);
-    // A progressive JPEG keeps a coefficient of 16 bits for each number.
-    Header { extent, channels, width, plausible, copies: 3 }
+    // A progressive JPEG keeps a coefficient of 16 bits for each number, its planes and its texels.
+    Header { extent, channels, width, plausible, copies: 4 }
 }
 
 /// A JPEG file of which all is read that is before its data.

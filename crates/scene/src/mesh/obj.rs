@@ -9,6 +9,7 @@ mod polygon;
 mod text;
 
 use std::collections::{HashMap, HashSet};
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
 use crate::files::Files;
@@ -130,11 +131,18 @@ fn error_of(path: &Path, text: &[u8], broken: BrokenFile) -> Error {
         BrokenFile::Line(broken) => not_obj(&broken.message).at(place(path, text, broken.line)),
         BrokenFile::TooManyVertices => invalid("a group has more vertices than 32-bit indices can address"),
         BrokenFile::Polygon(number) => {
-            let is_polygon = |statement: &text::Statement<'_>| {
-                let mut words = text::Words(&statement.text);
-                words.next() == Some(b"f") && words.count() > 2
-            };
-            let line = text::statements(text, 1).filter(is_polygon).nth(number).map_or(1, |one| one.line);
+            let mut left = number;
+            let line = text::statements(text, 1, |line, text| {
+                let mut words = text::Words(text);
+                let is_polygon = words.next() == Some(b"f") && words.count() > 2;
+                match (is_polygon, left) {
+                    (true, 0) => return ControlFlow::Break(line),
+                    (true, _) => left -= 1,
+                    (false, _) => {}
+                }
+                ControlFlow::Continue(())
+            });
+            let line = line.break_value().unwrap_or(1);
             invalid("the polygon is too complex to become triangles")
                 .at(place(path, text, line))
                 .note("to read the file, cut the polygon into smaller ones")
@@ -158,6 +166,7 @@ fn place(path: &Path, text: &[u8], line: usize) -> Place {
 /// What a file makes, counted before it is allocated, and the names that it uses.
 #[derive(Default)]
 struct Contents {
+    /// Its line feeds.
     lines: usize,
     vertices: u64,
     texcoords: usize,
@@ -174,9 +183,11 @@ struct Contents {
 
 impl Contents {
     fn of(bytes: &[u8]) -> Self {
-        let mut found = Self { lines: memchr::memchr_iter(b'\n', bytes).count(), ..Self::default() };
-        for statement in text::statements(bytes, 1) {
-            let mut words = text::Words(&statement.text);
+        let mut found = Self::default();
+        let _: ControlFlow<()> = text::statements(bytes, 1, |line, text| {
+            let mut words = text::Words(text);
+            // The last one is what follows the last line feed.
+            found.lines = line - 1;
             match words.next().unwrap_or_default() {
                 b"v" => found.vertices += 1,
                 b"vt" => found.texcoords += 1,
@@ -187,17 +198,18 @@ impl Contents {
                     found.objects += 1;
                     let name = words.name();
                     if !name.is_empty() && found.used.last().is_none_or(|(last, _)| *last != name) {
-                        found.used.push((name.into_owned(), statement.line));
+                        found.used.push((name.into_owned(), line));
                     }
                 }
                 b"mtllib" => {
                     let names = library::names(words);
                     found.objects += names.len() as u64;
-                    found.libraries.extend(names.into_iter().map(|name| (name, statement.line)));
+                    found.libraries.extend(names.into_iter().map(|name| (name, line)));
                 }
                 _ => {}
             }
-        }
+            ControlFlow::Continue(())
+        });
         found
     }
 
@@ -256,7 +268,13 @@ impl MaterialReader<'_> {
             let bytes = match self.files.read(&library) {
                 Ok(bytes) => bytes,
                 Err(error) if error.kind() == ErrorKind::Io => {
-                    self.notes.add(*line, format!("the material library `{name}`, which cannot be opened"));
+                    self.notes.add(
+                        *line,
+                        format!(
+                            "the material library `{}`, which cannot be opened",
+                            text::shown(name.as_bytes())
+                        ),
+                    );
                     continue;
                 }
                 Err(error) => return Err(error.at(Place::File(self.path.to_path_buf()))),

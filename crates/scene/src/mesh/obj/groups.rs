@@ -9,7 +9,7 @@ use crate::mesh::obj::lines::{
     BrokenLine, ChangeTo, Corner, Faces, FileContext, Lines, NONE, PartPlace, UNNAMED, Values,
 };
 use crate::mesh::obj::notes::Notes;
-use crate::mesh::obj::polygon;
+use crate::mesh::obj::{polygon, text};
 use anyhit_base::input::threads;
 
 /// A longer list of the vertices of one position continues in a hash map.
@@ -230,7 +230,10 @@ impl Reader {
         } else if colored < count {
             self.notes.add(
                 self.line,
-                format!("colours of `{}`: some vertices have none and are white", group.name),
+                format!(
+                    "colours of `{}`: some vertices have none and are white",
+                    text::shown(group.name.as_bytes())
+                ),
             );
         }
         let partial = |values: usize| 0 < values && values < count;
@@ -247,13 +250,13 @@ impl Reader {
 }
 
 fn partial_attribute(group: &str, what: &str) -> String {
-    format!("{what}s of `{group}`: some corners have none")
+    format!("{what}s of `{}`: some corners have none", text::shown(group.as_bytes()))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mesh::obj::{contents_of_parts, text};
+    use crate::mesh::obj::contents_of_parts;
     use anyhit_engine::math::random::Random;
 
     /// The groups as `tobj` reads them: the judge. Attributes that some vertices lack are left out.

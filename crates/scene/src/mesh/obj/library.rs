@@ -1,10 +1,11 @@
 //! Reads material libraries, `.mtl` files.
 
 use std::borrow::Cow;
+use std::ops::ControlFlow;
 
 use crate::mesh::material::{Material, TextureMapping, TextureSlot};
 use crate::mesh::obj::notes::Notes;
-use crate::mesh::obj::text::{self, Words, number, numbers, text_of};
+use crate::mesh::obj::text::{self, Words, number, numbers};
 
 /// A material of a library.
 #[derive(Debug, Default)]
@@ -36,13 +37,13 @@ pub(super) fn default_material(name: &str) -> Material {
 pub(super) fn read(bytes: &[u8]) -> (Vec<GivenMaterial>, Notes) {
     let mut materials: Vec<GivenMaterial> = Vec::new();
     let mut notes = Notes::default();
-    for statement in text::statements(&text::decoded(bytes), 1) {
-        let mut words = Words(&statement.text);
-        let Some(keyword) = words.next().map(text_of) else { continue };
+    let _: ControlFlow<()> = text::statements(&text::decoded(bytes), 1, |line, text| {
+        let mut words = Words(text);
+        let Some(keyword) = words.next().map(text::shown) else { return ControlFlow::Continue(()) };
         if keyword.eq_ignore_ascii_case("newmtl") {
             let material = default_material(&words.name());
             materials.push(GivenMaterial { material, ..GivenMaterial::default() });
-            continue;
+            return ControlFlow::Continue(());
         }
         let read = match materials.last_mut() {
             Some(material) => material.read(&keyword, words),
@@ -50,9 +51,10 @@ pub(super) fn read(bytes: &[u8]) -> (Vec<GivenMaterial>, Notes) {
         };
         if let Err(cause) = read {
             let cause = if cause.is_empty() { String::new() } else { format!(": {cause}") };
-            notes.add(statement.line, format!("`{keyword}`{cause}"));
+            notes.add(line, format!("`{keyword}`{cause}"));
         }
-    }
+        ControlFlow::Continue(())
+    });
     materials.iter_mut().for_each(GivenMaterial::finish);
     (materials, notes)
 }
@@ -111,7 +113,7 @@ impl GivenMaterial {
                         b"-mm" => drop(numbers::<2>(&mut words)?),
                         _ => drop(words.next()),
                     }
-                    unread.get_or_insert(text_of(other).into_owned());
+                    unread.get_or_insert(text::shown(other));
                 }
             }
         }
@@ -135,7 +137,7 @@ impl GivenMaterial {
 /// Reads red, green and blue, or one number for all.
 fn color(mut words: Words<'_>) -> Result<[f32; 3], Cow<'static, str>> {
     if let Some(kind @ (b"spectral" | b"xyz")) = words.clone().next() {
-        return Err(format!("colours are read as red, green and blue, not as `{}`", text_of(kind)).into());
+        return Err(format!("colours are read as red, green and blue, not as `{}`", text::shown(kind)).into());
     }
     let [red] = numbers(&mut words)?;
     match words.clone().next() {
@@ -190,7 +192,8 @@ pub(super) fn names(words: Words<'_>) -> Vec<String> {
     for word in text.split_inclusive(char::is_whitespace) {
         end += word.len();
         let name = text[start..end].trim().trim_matches('"');
-        if end == text.len() || name.to_ascii_lowercase().ends_with(".mtl") {
+        let extension = name.as_bytes().last_chunk().unwrap_or(b"    ");
+        if end == text.len() || name.is_empty() || extension.eq_ignore_ascii_case(b".mtl") {
             if !name.is_empty() {
                 names.push(name.replace('\\', "/"));
             }
@@ -323,5 +326,10 @@ mod tests {
         ] {
             assert_eq!(names(Words(text.as_bytes())), wanted, "{text}");
         }
+        // Long lists take no longer for each name.
+        for (text, count) in [("a.mtl ".repeat(100_000), 100_000), (" a".repeat(400_000), 1)] {
+            assert_eq!(names(Words(text.as_bytes())).len(), count);
+        }
+        assert_eq!(names(Words(format!("a.mtl{}b", " ".repeat(400_000)).as_bytes())), ["a.mtl", "b"]);
     }
 }

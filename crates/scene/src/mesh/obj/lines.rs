@@ -2,6 +2,7 @@
 
 use std::borrow::Cow;
 use std::collections::HashMap;
+use std::ops::ControlFlow;
 
 use crate::mesh::obj::notes::Notes;
 use crate::mesh::obj::text::{self, Words, number, numbers};
@@ -114,13 +115,14 @@ impl<'f> Lines<'f> {
     ) -> Result<Self, BrokenLine> {
         let (values, faces) = (Values::default(), Faces::default());
         let mut own = Self { context, before: place.before, values, faces, notes: Notes::default() };
-        for statement in text::statements(bytes, place.line) {
-            let line = statement.line;
-            own.read(line, Words(&statement.text)).map_err(|message| BrokenLine { line, message })?;
-        }
-        Ok(own)
+        let end = text::statements(bytes, place.line, |line, text| match own.read(line, Words(text)) {
+            Ok(()) => ControlFlow::Continue(()),
+            Err(message) => ControlFlow::Break(BrokenLine { line, message }),
+        });
+        end.break_value().map_or(Ok(own), Err)
     }
 
+    #[inline]
     fn read(&mut self, line: usize, mut words: Words<'_>) -> Result<(), String> {
         match words.next().unwrap_or_default() {
             b"v" => self.position(line, words)?,
@@ -141,7 +143,7 @@ impl<'f> Lines<'f> {
             // Others read material libraries; shading groups and display attributes change no
             // triangle.
             b"" | b"mtllib" | b"s" | b"mg" | b"bevel" | b"c_interp" | b"d_interp" | b"lod" => {}
-            other => self.notes.add(line, format!("`{}`", text::text_of(other))),
+            other => self.notes.add(line, format!("`{}`", text::shown(other))),
         }
         Ok(())
     }
@@ -153,6 +155,9 @@ impl<'f> Lines<'f> {
     /// Reads a position and its colour. A fourth number without others is the weight of a curve.
     fn position(&mut self, line: usize, mut words: Words<'_>) -> Result<(), String> {
         self.values.positions.push(numbers(&mut words)?);
+        if words.0.trim_ascii_start().is_empty() {
+            return Ok(());
+        }
         let mut color = [0.0; 3];
         let mut count = 0;
         for (at, word) in words.enumerate() {
@@ -196,27 +201,30 @@ impl<'f> Lines<'f> {
     }
 
     /// Reads a corner, `position[/texcoord[/normal]]`.
+    #[inline]
     fn corner(&mut self, word: &[u8]) -> Result<Corner, String> {
         let mut indices = [NONE; 3];
         let counts = self.values.counts();
-        let mut digits = word.split(|byte| *byte == b'/');
-        for (at, index) in indices.iter_mut().enumerate() {
-            match digits.next() {
-                None | Some([]) if at > 0 => {}
-                None | Some([]) => return Err(format!("`{}` has no position", text::text_of(word))),
-                Some(digits) => {
-                    let (known, total) = (self.before[at] + counts[at], self.context.totals[at]);
-                    let found = index_of(digits, at, known, total)?;
-                    self.faces.needed[at] = self.faces.needed[at].max(found as usize + 1);
-                    *index = found;
-                }
+        let mut rest = word;
+        for at in 0..3 {
+            let end = rest.iter().position(|byte| *byte == b'/').unwrap_or(rest.len());
+            let (digits, behind) = rest.split_at(end);
+            if !digits.is_empty() || at == 0 {
+                let (known, total) = (self.before[at] + counts[at], self.context.totals[at]);
+                let Some(index) = index_of(digits, known, total) else {
+                    return Err(wrong_index(word, digits, at, known, total));
+                };
+                let needed = &mut self.faces.needed[at];
+                *needed = (index as usize + 1).max(*needed);
+                indices[at] = index;
             }
+            let Some((_, behind)) = behind.split_first() else {
+                let [position, texcoord, normal] = indices;
+                return Ok(Corner { position, texcoord, normal });
+            };
+            rest = behind;
         }
-        if digits.next().is_some() {
-            return Err(format!("`{}` has more than three indices", text::text_of(word)));
-        }
-        let [position, texcoord, normal] = indices;
-        Ok(Corner { position, texcoord, normal })
+        Err(format!("`{}` has more than three indices", text::shown(word)))
     }
 }
 
@@ -232,29 +240,40 @@ fn texcoord(mut words: Words<'_>) -> Result<[f32; 2], String> {
 
 /// An index, counted from 0, among the elements of a file: written from 1 on, or from the last one
 /// that is known backwards from -1 on.
-fn index_of(digits: &[u8], kind: usize, known: usize, total: usize) -> Result<u32, String> {
+#[inline]
+fn index_of(digits: &[u8], known: usize, total: usize) -> Option<u32> {
     let (is_negative, value) = match digits {
         [b'-', value @ ..] => (true, value),
         value => (false, value),
     };
-    let digit = |sum: Option<usize>, byte: &u8| {
-        let digit = byte.checked_sub(b'0').filter(|digit| *digit <= 9)?;
+    let mut number = 0_usize;
+    for byte in value {
+        let digit = byte.wrapping_sub(b'0');
+        if digit > 9 {
+            return None;
+        }
         // What is too large for any file stays so.
-        Some(sum?.saturating_mul(10).saturating_add(digit.into()))
-    };
-    let number = value.iter().fold((!value.is_empty()).then_some(0), digit);
-    let number = number.ok_or_else(|| format!("`{}` is not an index", text::text_of(digits)))?;
-    let found = if is_negative { known.checked_sub(number) } else { number.checked_sub(1) };
-    found.filter(|found| number > 0 && *found < total).and_then(|found| u32::try_from(found).ok()).ok_or_else(
-        || {
-            let (what, word) =
-                [("position", "v"), ("texture coordinate", "vt"), ("normal", "vn")][kind];
-            let digits = text::text_of(digits);
-            let count = if is_negative { known } else { total };
-            let place = if is_negative { "before this line" } else { "in the file" };
-            format!("no {what} has the index {digits}: there are {count} lines of `{word}` {place}, counted from 1")
-        },
-    )
+        number = number.saturating_mul(10).saturating_add(digit.into());
+    }
+    let found = if is_negative { known.checked_sub(number)? } else { number.checked_sub(1)? };
+    (number > 0 && found < total && found < NONE as usize).then_some(found as u32)
+}
+
+/// The message for a corner whose index cannot be read.
+#[cold]
+fn wrong_index(corner: &[u8], digits: &[u8], kind: usize, known: usize, total: usize) -> String {
+    let value = digits.strip_prefix(b"-").unwrap_or(digits);
+    let (is_negative, shown) = (value.len() < digits.len(), text::shown(digits));
+    if digits.is_empty() {
+        return format!("`{}` has no position", text::shown(corner));
+    }
+    if value.is_empty() || !value.iter().all(u8::is_ascii_digit) {
+        return format!("`{shown}` is not an index");
+    }
+    let (what, word) = [("position", "v"), ("texture coordinate", "vt"), ("normal", "vn")][kind];
+    let count = if is_negative { known } else { total };
+    let place = if is_negative { "before this line" } else { "in the file" };
+    format!("no {what} has the index {shown}: there are {count} lines of `{word}` {place}, counted from 1")
 }
 
 #[cfg(test)]

@@ -3,12 +3,13 @@
 use std::cmp::Ordering;
 
 /// Tests of corners after which a polygon counts as too complex.
-const MAX_TESTS: u64 = 1 << 28;
+const MAX_TESTS: u64 = 1 << 30;
 
 type Point = [f64; 2];
 
 /// Returns whether the fan around the first corner covers a polygon: none of its triangles faces
 /// away from the polygon's side.
+#[inline]
 pub(super) fn is_fan(corners: &impl Fn(usize) -> [f32; 3], count: usize) -> bool {
     let normals = || fan_normals(corners, count);
     let [x, y, z] = sum(normals());
@@ -16,23 +17,28 @@ pub(super) fn is_fan(corners: &impl Fn(usize) -> [f32; 3], count: usize) -> bool
 }
 
 /// Twice the vector areas of the triangles of a fan.
+#[inline]
 fn fan_normals(corners: &impl Fn(usize) -> [f32; 3], count: usize) -> impl Iterator<Item = [f64; 3]> {
-    let first = corners(0).map(f64::from);
+    let first = corners(0);
     let side = move |at| {
-        let [x, y, z] = corners(at).map(f64::from);
-        [x - first[0], y - first[1], z - first[2]]
+        let corner = corners(at);
+        let axis = |axis: usize| f64::from(corner[axis]) - f64::from(first[axis]);
+        [axis(0), axis(1), axis(2)]
     };
+    let mut last = side(1);
     (2..count).map(move |at| {
-        let (a, b) = (side(at - 1), side(at));
+        let (a, b) = (last, side(at));
+        last = b;
         [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
     })
 }
 
+#[inline]
 fn sum(vectors: impl Iterator<Item = [f64; 3]>) -> [f64; 3] {
     vectors.fold([0.0; 3], |[x, y, z], [a, b, c]| [x + a, y + b, z + c])
 }
 
-/// Cuts ears off a polygon of any shape, seen along the axis that its normal is nearest to; `None`
+/// Cuts ears off a polygon that its fan does not cover, seen along the axis that its normal is nearest to; `None`
 /// where that takes too long.
 ///
 /// A crate such as `earcut` leaves out corners on the line between their neighbours, which opens
@@ -46,6 +52,10 @@ fn ears_within(
     count: usize,
     max_tests: u64,
 ) -> Option<Vec<[usize; 3]>> {
+    if count == 4 {
+        // The other diagonal.
+        return Some(vec![[3, 0, 1], [1, 2, 3]]);
+    }
     let mut ring = Ring::new(projected(corners, count));
     let mut triangles = Vec::with_capacity(count - 2);
     let (mut at, mut left, mut tried, mut tests) = (0, count, 0, 0);
@@ -200,9 +210,9 @@ mod tests {
         let notch = [[0., 0.], [4., 0.], [4., 4.], [2., 1.], [0., 4.]];
         assert_eq!(area(&notch), 20.0);
         check(&notch, true);
-        // A quad that is concave at its last corner, and one at its first.
+        // A quad that is concave at its last corner, and one at its second.
         check(&[[0., 0.], [2., 0.5], [0., 4.], [0.5, 0.5]], true);
-        check(&[[0.5, 0.5], [0., 0.], [2., 0.5], [0., 4.]], true);
+        check(&[[0., 4.], [0.5, 0.5], [0., 0.], [2., 0.5]], true);
         // Corners on straight sides stay corners, and no triangle is flat.
         check(&[[0., 0.], [1., 0.], [2., 0.], [4., 0.], [4., 4.], [2., 1.], [0., 4.], [0., 2.]], true);
         // A comb.
@@ -231,7 +241,7 @@ mod tests {
     fn ears_cover_random_stars() {
         let mut random = Random::new(3);
         for round in 0..300 {
-            let count = 4 + random.below(40) as usize;
+            let count = 5 + random.below(40) as usize;
             let points: Vec<[f32; 2]> = (0..count)
                 .map(|at| {
                     let angle =

@@ -1,6 +1,7 @@
 //! The text of .obj and .mtl files: encodings, statements and words.
 
 use std::borrow::Cow;
+use std::ops::ControlFlow;
 
 /// The bytes of a file without a byte-order mark, in lines that end with a line feed. UTF-16
 /// becomes UTF-8.
@@ -34,38 +35,51 @@ pub(super) fn text_of(bytes: &[u8]) -> Cow<'_, str> {
     }
 }
 
-/// A line, or several that end with `\` except for the last one.
-pub(super) struct Statement<'b> {
-    /// The number of its first line.
-    pub line: usize,
-    pub text: Cow<'b, [u8]>,
+/// A word as messages show it: its first characters.
+pub(super) fn shown(word: &[u8]) -> String {
+    const MOST: usize = 40;
+    let text = text_of(word);
+    match text.char_indices().nth(MOST) {
+        None => text.into_owned(),
+        Some((end, _)) => format!("{}...", &text[..end]),
+    }
 }
 
-/// The statements of a text, whose first line has this number.
-pub(super) fn statements(bytes: &[u8], mut line: usize) -> impl Iterator<Item = Statement<'_>> {
+/// Calls `read` with the statements of a text and their lines, the first of which has this number,
+/// until it breaks. A statement is a line, or several that end with `\` except for the last one.
+#[inline]
+pub(super) fn statements<B>(
+    bytes: &[u8],
+    mut line: usize,
+    mut read: impl FnMut(usize, &[u8]) -> ControlFlow<B>,
+) -> ControlFlow<B> {
     let mut start = 0;
-    let mut lines = memchr::memchr_iter(b'\n', bytes).chain([bytes.len()]).map(move |end| {
-        let line = &bytes[start..end];
-        start = end + 1;
-        line
-    });
-    std::iter::from_fn(move || {
-        let mut statement = Statement { line, text: lines.next()?.into() };
-        line += 1;
-        while let Some(backslash) = continuation(&statement.text)
-            && let Some(next) = lines.next()
-        {
-            let joined = statement.text.to_mut();
-            joined.truncate(backslash);
+    // A statement of several lines up to here, and the number of its first line.
+    let (mut joined, mut first) = (Vec::new(), line);
+    for end in memchr::memchr_iter(b'\n', bytes) {
+        let text = &bytes[start..end];
+        if let Some(backslash) = continuation(text) {
+            if joined.is_empty() {
+                first = line;
+            }
+            joined.extend_from_slice(&text[..backslash]);
             joined.push(b' ');
-            joined.extend_from_slice(next);
-            line += 1;
+        } else if joined.is_empty() {
+            read(line, text)?;
+        } else {
+            joined.extend_from_slice(text);
+            read(first, &std::mem::take(&mut joined))?;
         }
-        Some(statement)
-    })
+        (start, line) = (end + 1, line + 1);
+    }
+    match joined.is_empty() {
+        true => read(line, &bytes[start..]),
+        false => read(first, &[&joined, &bytes[start..]].concat()),
+    }
 }
 
 /// The place of the backslash at the end of a line that continues in the next one.
+#[inline]
 fn continuation(line: &[u8]) -> Option<usize> {
     let last = line.iter().rposition(|byte| !matches!(byte, b' ' | b'\t' | b'\r'))?;
     (line[last] == b'\\').then_some(last)
@@ -108,6 +122,7 @@ impl<'a> Words<'a> {
 impl<'a> Iterator for Words<'a> {
     type Item = &'a [u8];
 
+    #[inline]
     fn next(&mut self) -> Option<&'a [u8]> {
         let rest = self.0.trim_ascii_start();
         let is_end = |byte: &u8| byte.is_ascii_whitespace() || *byte == b'#';
@@ -119,22 +134,34 @@ impl<'a> Iterator for Words<'a> {
 }
 
 /// The number that a word is.
+#[inline]
 pub(super) fn number(word: &[u8]) -> Result<f32, String> {
     let parsed = std::str::from_utf8(word).ok().and_then(|word| word.parse().ok());
-    parsed.ok_or_else(|| format!("`{}` is not a number", text_of(word)))
+    parsed.ok_or_else(|| not_a_number(word))
+}
+
+#[cold]
+fn not_a_number(word: &[u8]) -> String {
+    format!("`{}` is not a number", shown(word))
 }
 
 /// The next numbers of a statement.
+#[inline]
 pub(super) fn numbers<const N: usize>(words: &mut Words<'_>) -> Result<[f32; N], String> {
     let mut numbers = [0.0; N];
-    for (at, found) in numbers.iter_mut().enumerate() {
-        let word = words.next().ok_or_else(|| match N {
-            1 => "a number is missing".to_string(),
-            _ => format!("{N} numbers expected, but {at} found"),
-        })?;
-        *found = number(word)?;
+    for at in 0..N {
+        let Some(word) = words.next() else { return Err(missing_number(N, at)) };
+        numbers[at] = number(word)?;
     }
     Ok(numbers)
+}
+
+#[cold]
+fn missing_number(count: usize, found: usize) -> String {
+    match count {
+        1 => "a number is missing".to_string(),
+        _ => format!("{count} numbers expected, but {found} found"),
+    }
 }
 
 #[cfg(test)]
@@ -142,8 +169,13 @@ mod tests {
     use super::*;
 
     fn joined(text: &str) -> Vec<(usize, String)> {
-        let text_of = |statement: Statement<'_>| (statement.line, text_of(&statement.text).into_owned());
-        statements(text.as_bytes(), 1).map(text_of).collect()
+        let mut all = Vec::new();
+        let end = statements(text.as_bytes(), 1, |line, text| {
+            all.push((line, text_of(text).into_owned()));
+            ControlFlow::<()>::Continue(())
+        });
+        assert!(end.is_continue());
+        all
     }
 
     #[test]
