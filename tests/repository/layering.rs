@@ -54,7 +54,7 @@ const CRATES: &[(&str, &[&str])] = &[
     ("hmac_sha256", &["compile"]),
     ("aligned_vec", &["machine"]),
     ("prefetch_index", &["math"]),
-    ("zune_jpeg", &["scene"]),
+    ("jpeg_decoder", &["scene"]),
     ("signal_hook", &["anyhit"]),
 ];
 
@@ -64,9 +64,8 @@ const JUDGES: &[&str] = &["dashu_ratio", "dashu_float"];
 /// Readers of other crates, and the one file that may call each: it checks what the reader assumes,
 /// bounds what it allocates and catches its panics.
 const READERS: &[(&str, &str)] = &[
-    ("tobj::", "crates/scene/src/mesh/obj.rs"),
-    ("ImageReader", "crates/scene/src/image/decode.rs"),
-    ("JpegDecoder::", "crates/scene/src/image/png_jpeg.rs"),
+    ("MetaData::read_from_buffered", "crates/scene/src/image/openexr.rs"),
+    ("jpeg_decoder::Decoder", "crates/scene/src/image/png_jpeg.rs"),
     ("png::Decoder", "crates/scene/src/image/png_jpeg.rs"),
     ("DeTable::parse", "crates/scene/src/read.rs"),
     ("SafeTensors::", "crates/cases/src/recording/tensors.rs"),

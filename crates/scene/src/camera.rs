@@ -96,13 +96,8 @@ impl FileCameraEntry {
         })?;
         let own = self.transform.map_or(DMat4::IDENTITY, |rows| matrix_of(&rows));
         let world = own * camera.world;
-        // The scale of its node does not matter (glTF 2.0, 3.10.2).
-        let axis = |column: DVec4| column.truncate().try_normalize().map(|axis| axis.extend(0.0));
-        let axes = [world.x_axis, world.y_axis, world.z_axis].map(axis);
-        let [Some(x), Some(y), Some(z)] = axes else {
-            return Err(self.file.span.error("the camera's node has a scale of zero"));
-        };
-        let view_inverse = DMat4::from_cols(x, y, z, world.w_axis);
+        let view_inverse = without_scale(world)
+            .ok_or_else(|| self.file.span.error("the camera's node has a scale of zero"))?;
         let mut projection = camera.projection;
         let (Projection::Perspective { far, .. } | Projection::Orthographic { far, .. }) = &mut projection;
         *far = self.far.map_or(*far, f64::from);
@@ -112,6 +107,19 @@ impl FileCameraEntry {
         let view = CameraView::new(view_inverse, &projection, f64::from(sources.aspect));
         view.map_err(|message| self.file.span.error(message))
     }
+}
+
+/// A transform without scale, mirroring and shear, which do not count for cameras (glTF 2.0, 3.10.2):
+/// it keeps the direction of the z axis, and the plane of the y and z axes; `None` if these are flat.
+fn without_scale(world: DMat4) -> Option<DMat4> {
+    let [up, back] = [world.y_axis, world.z_axis].map(DVec4::truncate);
+    let z = back.try_normalize()?;
+    // Twice, as the first result has the rounding errors of a vector that may be much longer.
+    let y = up.try_normalize()?.reject_from_normalized(z).try_normalize()?;
+    let y = y.reject_from_normalized(z).try_normalize()?;
+    let has_x = world.x_axis.truncate().try_normalize().is_some();
+    let axes = [y.cross(z), y, z].map(|axis| axis.extend(0.0));
+    has_x.then(|| DMat4::from_cols(axes[0], axes[1], axes[2], world.w_axis))
 }
 
 /// The matrices of a camera.
@@ -132,10 +140,11 @@ impl CameraView {
         let (projection, projection_inverse) = match *projection {
             Projection::Perspective { slope, aspect: own, near, far } => {
                 let aspect = own.unwrap_or(aspect);
-                check_planes(near, far)?;
+                // The slope of half the angle is not positive from half a turn on.
                 if !(slope > 0.0 && slope.is_finite()) {
                     return Err("the vertical angle of view is not between 0 and 180 degrees".to_string());
                 }
+                check_planes(near, far)?;
                 if !(aspect > 0.0 && aspect.is_finite()) {
                     return Err(format!("the aspect ratio {aspect} is not a positive number"));
                 }
@@ -495,6 +504,41 @@ mod tests {
         // = 2.
         let back = view.matrix(CameraMatrix::ViewProjectionInverse);
         assert_eq!(back.w_axis.to_array(), [2.0, 4.0, 5.0, 2.0]);
+    }
+
+    #[test]
+    fn scale_and_mirroring_do_not_count() {
+        let turn = DMat4::from_rotation_y(0.5) * DMat4::from_rotation_x(0.25);
+        let shift = DMat4::from_translation(glam::DVec3::new(1.0, 2.0, 3.0));
+        let close = |found: Option<DMat4>, wanted: DMat4| {
+            let found = found.expect("axes");
+            assert!(found.abs_diff_eq(wanted, 1e-12), "{found} {wanted}");
+        };
+        for scale in [[2.0, 3.0, 4.0], [1e-9, 1.0, 1e9], [-1.0, 1.0, 1.0], [-3.0, 1.0, 0.5]] {
+            let scaled = DMat4::from_scale(glam::DVec3::from(scale));
+            close(without_scale(shift * turn * scaled), shift * turn);
+        }
+        // A parent that stretches x shears its turned child, whose axes (2 c, s) and (-2 s, c)
+        // are not at right angles. With z out of the plane, y keeps its direction.
+        let sheared = DMat4::from_scale(glam::DVec3::new(2.0, 1.0, 1.0)) * DMat4::from_rotation_z(0.5);
+        let (sine, cosine) = 0.5_f64.sin_cos();
+        let y = glam::DVec3::new(-2.0 * sine, cosine, 0.0).normalize();
+        let x = glam::DVec3::new(y.y, -y.x, 0.0);
+        close(without_scale(sheared), DMat4::from_cols(x.extend(0.0), y.extend(0.0), DVec4::Z, DVec4::W));
+        assert_eq!(without_scale(DMat4::from_scale(glam::DVec3::new(1.0, 0.0, 1.0))), None);
+        assert_eq!(without_scale(DMat4::from_scale(glam::DVec3::new(0.0, 1.0, 1.0))), None);
+    }
+
+    /// tan(4 / 2) is negative: the angle is wider than half a turn.
+    #[test]
+    fn a_wrong_angle_is_named() {
+        for slope in [2.0_f64.tan(), 0.0, f64::INFINITY, f64::NAN] {
+            let wide = Projection::Perspective { slope, aspect: Some(1.6), near: 0.1, far: 10.0 };
+            let error = CameraView::new(DMat4::IDENTITY, &wide, 1.6).unwrap_err();
+            assert!(error.contains("the vertical angle of view"), "{error}");
+        }
+        let flat = Projection::Perspective { slope: 1.0, aspect: Some(-1.6), near: 0.1, far: 10.0 };
+        assert!(CameraView::new(DMat4::IDENTITY, &flat, 1.0).unwrap_err().contains("-1.6"));
     }
 
     #[test]

@@ -2,6 +2,9 @@
 
 mod decode;
 mod decoded;
+#[cfg(feature = "exr")]
+mod openexr;
+mod orientation;
 #[cfg(feature = "images")]
 mod png_jpeg;
 mod radiance;
@@ -12,7 +15,9 @@ use std::path::Path;
 
 use crate::read::Named;
 use anyhit_base::atomic_file::{self, AtomicFile};
-use anyhit_base::error::{Error, ErrorKind, Result, feature_note};
+#[cfg(not(all(feature = "exr", feature = "images")))]
+use anyhit_base::error::feature_note;
+use anyhit_base::error::{Error, ErrorKind, Result};
 use anyhit_engine::machine;
 use anyhit_engine::machine::format::{Class, Component, Format};
 use anyhit_engine::pipeline::map_on_threads;
@@ -115,7 +120,8 @@ impl Picture {
     /// # Errors
     /// As [`Picture::rgba8`].
     pub fn encode_png(&self, encoding: PixelEncoding) -> Result<Vec<u8>> {
-        Rgba8 { extent: self.extent, pixels: self.rgba8(encoding)? }.encode_png()
+        let pixels = self.rgba8(encoding)?;
+        encode_png(self.extent, &pixels, encoding.to_srgb || self.format.srgb)
     }
 
     /// Writes an OpenEXR file of the numbers, as 32-bit floats.
@@ -123,19 +129,13 @@ impl Picture {
     /// # Errors
     /// `InvalidImage` where the file cannot be made, `UnsupportedTool` without the feature `exr`.
     pub fn encode_exr(&self) -> Result<Vec<u8>> {
-        exr_support()?;
         #[cfg(feature = "exr")]
         {
-            let numbers = self.numbers().into_iter().map(|number| number as f32).collect();
-            let picture = image::Rgba32FImage::from_raw(self.extent[0], self.extent[1], numbers)
-                .expect("bug in anyhit: a pixel does not have four numbers");
-            let mut bytes = std::io::Cursor::new(Vec::new());
-            let written = picture.write_to(&mut bytes, image::ImageFormat::OpenExr);
-            written.map_err(|error| invalid(error.to_string()))?;
-            Ok(bytes.into_inner())
+            let numbers: Vec<f32> = self.numbers().into_iter().map(|number| number as f32).collect();
+            openexr::encode(self.extent, &numbers)
         }
         #[cfg(not(feature = "exr"))]
-        Ok(Vec::new())
+        Err(missing_exr())
     }
 }
 
@@ -154,11 +154,15 @@ impl Rgba8 {
     /// # Errors
     /// `InvalidImage` for a picture without pixels, or another number of bytes.
     pub fn encode_png(&self) -> Result<Vec<u8>> {
-        let mut bytes = Vec::new();
-        let failed = |error: std::io::Error| invalid(error.to_string());
-        png(self.extent, &mut bytes, &failed, |to| to.write_all(&self.pixels).map_err(failed))?;
-        Ok(bytes)
+        encode_png(self.extent, &self.pixels, false)
     }
+}
+
+fn encode_png(extent: [u32; 2], pixels: &[u8], is_srgb: bool) -> Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    let failed = |error: std::io::Error| invalid(error.to_string());
+    png(extent, is_srgb, &mut bytes, &failed, |to| to.write_all(pixels).map_err(failed))?;
+    Ok(bytes)
 }
 
 /// What a picture is saved as.
@@ -232,8 +236,10 @@ pub fn stream_png<T>(
     let conversion = PngConversion::new(format, encoding)?;
     let mut file = AtomicFile::create(path)?;
     let mut buffered = BufWriter::new(&mut file);
-    let filled = png(size, &mut buffered, &io, |to| fill(&mut PngRows { path, conversion, to }))
-        .and_then(|filled| buffered.flush().map(|()| filled).map_err(io));
+    let filled = png(size, conversion.target.srgb, &mut buffered, &io, |to| {
+        fill(&mut PngRows { path, conversion, to })
+    })
+    .and_then(|filled| buffered.flush().map(|()| filled).map_err(io));
     drop(buffered);
     match filled {
         Ok(filled) => file.finish().map(|()| filled),
@@ -269,10 +275,12 @@ impl PngRows<'_> {
     }
 }
 
-/// Writes the RGBA8 pixels from `fill` as a PNG.
+/// Writes the RGBA8 pixels from `fill` as a PNG, whose chunks sRGB and gAMA say so where the colours
+/// are encoded as sRGB.
 #[cfg(feature = "images")]
 fn png<T>(
     [width, height]: [u32; 2],
+    is_srgb: bool,
     to: &mut (impl Write + Send),
     failed: &dyn Fn(std::io::Error) -> Error,
     fill: impl FnOnce(&mut (dyn Write + Send)) -> Result<T>,
@@ -282,6 +290,11 @@ fn png<T>(
     encoder.set_color(png::ColorType::Rgba);
     encoder.set_depth(png::BitDepth::Eight);
     encoder.set_compression(png::Compression::Fast);
+    if is_srgb {
+        encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
+        // For programs that do not read sRGB: 1 / 2.2 (PNG, 11.3.2.5).
+        encoder.set_source_gamma(png::ScaledFloat::from_scaled(45455));
+    }
     let mut header = encoder.write_header().map_err(failed)?;
     let mut stream = header.stream_writer().map_err(failed)?;
     let filled = fill(&mut stream)?;
@@ -293,6 +306,7 @@ fn png<T>(
 #[cfg(not(feature = "images"))]
 fn png<T>(
     _: [u32; 2],
+    _: bool,
     _: &mut (impl Write + Send),
     _: &dyn Fn(std::io::Error) -> Error,
     _: impl FnOnce(&mut (dyn Write + Send)) -> Result<T>,
@@ -356,11 +370,17 @@ fn missing_images() -> Error {
 /// # Errors
 /// `UnsupportedTool` where it does not.
 pub fn exr_support() -> Result<()> {
-    if cfg!(feature = "exr") {
-        return Ok(());
-    }
-    Err(Error::new(ErrorKind::UnsupportedTool, "this build neither reads nor writes OpenEXR files")
-        .note(feature_note("exr") + "; or use HDR or PNG"))
+    #[cfg(feature = "exr")]
+    return Ok(());
+    #[cfg(not(feature = "exr"))]
+    Err(missing_exr())
+}
+
+/// The error that this build has no crate for OpenEXR.
+#[cfg(not(feature = "exr"))]
+fn missing_exr() -> Error {
+    Error::new(ErrorKind::UnsupportedTool, "this build neither reads nor writes OpenEXR files")
+        .note(feature_note("exr") + "; or use HDR or PNG")
 }
 
 pub(super) fn invalid(message: impl Into<String>) -> Error {
@@ -426,6 +446,21 @@ mod tests {
         assert_eq!(srgb.texels[..4], [0, 255, 188, 255]);
         let wrong = Picture { extent: [2, 2], ..picture };
         assert!(wrong.encode_png(PixelEncoding::default()).is_err());
+    }
+
+    #[test]
+    fn pngs_of_encoded_colours_say_srgb() {
+        let of = |name: &str, to_srgb: bool| {
+            let texels = vec![0; format(name).texel_size() as usize];
+            let picture = Picture { format: format(name), extent: [1, 1], texels };
+            let bytes = picture.encode_png(PixelEncoding { to_srgb, keep_alpha: true }).unwrap();
+            let has = |chunk: &[u8]| bytes.windows(chunk.len()).any(|part| part == chunk);
+            // 1 / 2.2 in 1 / 100000, which PNG (11.3.2.5) recommends beside sRGB.
+            (has(b"sRGB"), has(&[b"gAMA", &45455_u32.to_be_bytes()[..]].concat()), has(b"gAMA"))
+        };
+        let (encoded, plain) = ((true, true, true), (false, false, false));
+        assert_eq!([of("rgba32f", true), of("rgba8", true), of("rgba8_srgb", false)], [encoded; 3]);
+        assert_eq!([of("rgba32f", false), of("rgba8", false)], [plain; 2]);
     }
 
     #[test]

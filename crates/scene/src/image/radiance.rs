@@ -2,14 +2,19 @@
 //!
 //! The format is that of the Radiance reference manual, section 4, "Picture file format": header
 //! lines up to an empty one, the resolution, and rows that are either texels, some of them repeat
-//! counts, or the four components one after the other, each in runs.
+//! counts, or the four components one after the other, each in runs. The numbers are those of the
+//! texels: `EXPOSURE`, `COLORCORR` and `GAMMA` of the header are not applied.
 
+use crate::image::decoded::{Decoded, Numbers};
 use crate::image::invalid;
+use crate::image::orientation::Orientation;
 use anyhit_base::error::Result;
 
 /// What a file says of itself, and its rows.
 pub(super) struct Radiance<'a> {
-    pub extent: [u32; 2],
+    /// The length and the number of stored rows.
+    stored: [u32; 2],
+    orientation: Orientation,
     rows: &'a [u8],
 }
 
@@ -25,8 +30,7 @@ impl<'a> Radiance<'a> {
     /// Reads the header.
     ///
     /// # Errors
-    /// `InvalidImage` where it is broken, for the colours of another format than RGBE, and for rows
-    /// that do not begin at the top left.
+    /// `InvalidImage` where it is broken, and for the colours of another format than RGBE.
     pub(super) fn new(bytes: &'a [u8]) -> Result<Self> {
         let mut rest = bytes;
         loop {
@@ -34,39 +38,43 @@ impl<'a> Radiance<'a> {
             if line.is_empty() {
                 break;
             }
-            if let Some(format) = line.strip_prefix(b"FORMAT=")
-                && format.trim_ascii() != b"32-bit_rle_rgbe"
+            if let Some(format) = value_of(line, b"FORMAT")
+                && format != b"32-bit_rle_rgbe"
             {
-                let format = String::from_utf8_lossy(format.trim_ascii());
+                let format = String::from_utf8_lossy(format);
                 return Err(invalid(format!(
                     "unsupported format `{format}` of an HDR file: expected `32-bit_rle_rgbe`"
                 )));
             }
         }
         let resolution = line(&mut rest)?;
-        let words: Vec<&[u8]> =
-            resolution.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty()).collect();
-        let side =
-            |digits: &[u8]| std::str::from_utf8(digits).ok()?.parse::<u32>().ok().filter(|side| *side > 0);
-        let extent = match words[..] {
-            [b"-Y", height, b"+X", width] => side(width).zip(side(height)),
-            _ => None,
-        };
-        let Some((width, height)) = extent else {
+        let (stored, orientation) = resolution_of(resolution).ok_or_else(|| {
             let text = String::from_utf8_lossy(resolution);
-            return Err(invalid(format!(
-                "unsupported resolution `{text}` of an HDR file: expected `-Y height +X width`"
-            )));
-        };
-        Ok(Self { extent: [width, height], rows: rest })
+            invalid(format!("invalid resolution `{text}` of an HDR file: expected `-Y height +X width`"))
+        })?;
+        Ok(Self { stored, orientation, rows: rest })
     }
 
-    /// Three numbers for every texel, rows from the top.
+    /// Width and height of the picture.
+    pub(super) fn extent(&self) -> [u32; 2] {
+        self.orientation.extent(self.stored)
+    }
+
+    /// The picture, three numbers for every texel.
+    ///
+    /// # Errors
+    /// As [`Radiance::numbers`].
+    pub(super) fn picture(&self) -> Result<Decoded> {
+        let numbers = Numbers::Floats(self.numbers()?);
+        Ok(self.orientation.apply(Decoded { extent: self.stored, channels: 3, numbers }))
+    }
+
+    /// Three numbers for every texel in the order of the file.
     ///
     /// # Errors
     /// `InvalidImage` where rows end early or runs are longer than their row.
-    pub(super) fn numbers(&self) -> Result<Vec<f32>> {
-        let [width, height] = self.extent.map(|side| side as usize);
+    fn numbers(&self) -> Result<Vec<f32>> {
+        let [width, height] = self.stored.map(|side| side as usize);
         let mut numbers = Vec::with_capacity(3 * width * height);
         let mut texels = vec![[0; 4]; width];
         let mut rest = self.rows;
@@ -86,13 +94,39 @@ impl<'a> Radiance<'a> {
     }
 }
 
-/// The next line without its end.
+/// The value of a variable that a header line sets.
+fn value_of<'a>(line: &'a [u8], name: &[u8]) -> Option<&'a [u8]> {
+    let at = line.iter().position(|byte| *byte == b'=')?;
+    (line[..at].trim_ascii() == name).then(|| line[at + 1..].trim_ascii())
+}
+
+/// The length and number of rows, and their orientation: first the axis on which rows follow each
+/// other, then that of a row's texels. `+X` is from left to right, `-Y` from top to bottom.
+fn resolution_of(line: &[u8]) -> Option<([u32; 2], Orientation)> {
+    let mut words = line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty());
+    let mut next = || {
+        let axis = words.next()?;
+        let side: u32 = std::str::from_utf8(words.next()?).ok()?.parse().ok()?;
+        (side > 0).then_some((axis, side))
+    };
+    let ((axis, rows), (other, length)) = (next()?, next()?);
+    let (swaps, [x, y]) = match (axis, other) {
+        ([_, b'Y'], [_, b'X']) => (false, [other, axis]),
+        ([_, b'X'], [_, b'Y']) => (true, [axis, other]),
+        _ => return None,
+    };
+    let is_signed = |axis: &[u8]| matches!(axis[0], b'+' | b'-');
+    let orientation = Orientation { swaps, mirrors_x: x[0] == b'-', mirrors_y: y[0] == b'+' };
+    (is_signed(x) && is_signed(y) && words.next().is_none()).then_some(([length, rows], orientation))
+}
+
+/// The next line without its end, a line feed with or without a carriage return.
 fn line<'a>(rest: &mut &'a [u8]) -> Result<&'a [u8]> {
     let end = rest.iter().position(|byte| *byte == b'\n');
     let end = end.ok_or_else(|| invalid("the HDR file ends within its header"))?;
     let line = &rest[..end];
     *rest = &rest[end + 1..];
-    Ok(line)
+    Ok(line.strip_suffix(b"\r").unwrap_or(line))
 }
 
 fn next<const N: usize>(rest: &mut &[u8]) -> Result<[u8; N]> {
@@ -188,6 +222,38 @@ mod tests {
     }
 
     #[test]
+    fn lines_end_in_two_ways_and_have_spaces() {
+        let head = "#?RADIANCE\r\nFORMAT = 32-bit_rle_rgbe \r\n\r\n-Y 1 +X 1\r\n";
+        let bytes = [head.as_bytes(), &[128, 64, 0, 129]].concat();
+        let file = Radiance::new(&bytes).unwrap();
+        assert_eq!((file.extent(), file.numbers().unwrap()), ([1, 1], vec![1.0, 0.5, 0.0]));
+    }
+
+    /// The eight orientations of the manual: rows of three texels, which the file stores in the
+    /// order 0 1 2, 3 4 5.
+    #[test]
+    fn rows_and_columns_go_in_all_directions() {
+        let texels: Vec<u8> = (0..6).flat_map(|texel| [texel << 5, 0, 0, 128 + 8]).collect();
+        for (resolution, extent, wanted) in [
+            ("-Y 2 +X 3", [3, 2], [0, 1, 2, 3, 4, 5]),
+            ("-Y 2 -X 3", [3, 2], [2, 1, 0, 5, 4, 3]),
+            ("+Y 2 +X 3", [3, 2], [3, 4, 5, 0, 1, 2]),
+            ("+Y 2 -X 3", [3, 2], [5, 4, 3, 2, 1, 0]),
+            // Stored rows are columns: 0 1 2 is the left one, from the top.
+            ("+X 2 -Y 3", [2, 3], [0, 3, 1, 4, 2, 5]),
+            ("-X 2 -Y 3", [2, 3], [3, 0, 4, 1, 5, 2]),
+            ("+X 2 +Y 3", [2, 3], [2, 5, 1, 4, 0, 3]),
+            ("-X 2 +Y 3", [2, 3], [5, 2, 4, 1, 3, 0]),
+        ] {
+            let bytes = file(resolution, &texels);
+            let picture = Radiance::new(&bytes).unwrap().picture().unwrap();
+            let Numbers::Floats(numbers) = picture.numbers else { panic!("{resolution}") };
+            let red: Vec<u32> = numbers.iter().step_by(3).map(|red| *red as u32 >> 5).collect();
+            assert_eq!((picture.extent, &red[..]), (extent, &wanted[..]), "{resolution}");
+        }
+    }
+
+    #[test]
     fn broken_files_are_told() {
         let message = |bytes: &[u8]| {
             let error = Radiance::new(bytes).and_then(|file| file.numbers()).unwrap_err();
@@ -196,7 +262,9 @@ mod tests {
         let rows = |rows: &[u8], resolution| message(&file(resolution, rows));
         assert!(message(b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n").contains("ends within its header"));
         assert!(message(b"#?RADIANCE\nFORMAT=32-bit_rle_xyze\n\n").contains("`32-bit_rle_xyze`"));
-        for resolution in ["+X 1 -Y 1", "-Y 0 +X 1", "-Y 1 +X", "-Y 1 +X 99999999999"] {
+        for resolution in
+            ["-Y 0 +X 1", "-Y 1 +X", "-Y 1 +X 99999999999", "-Y 1 -Y 1", "*Y 1 +X 1", "-Y 1 +X 1 1"]
+        {
             assert!(rows(&[], resolution).contains(resolution), "{resolution}");
         }
         assert!(rows(&[1, 2, 3], "-Y 1 +X 1").contains("ends within a row"));

@@ -1,29 +1,34 @@
-//! Wavefront OBJ. Polygons are cut into fans around their first vertex; points and lines are left
-//! out. Materials are those of the .mtl files that it names. `groups` reads common files, `tobj`
-//! all others, broken files, and .mtl files.
+//! Wavefront OBJ with the .mtl files that it names. Polygons become triangles; points, lines and
+//! free-form geometry are left out.
 
 mod groups;
+mod library;
+mod lines;
+mod notes;
+mod polygon;
+mod text;
 
-use std::cell::Cell;
 use std::collections::{HashMap, HashSet};
-use std::io::Read;
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
-
-use tobj::{LoadError, LoadOptions, Mesh as ObjMesh, Model as ObjModel};
 
 use crate::files::Files;
 use crate::mesh::Mesh;
 use crate::mesh::listed::{Listed, ListedPart, ModelNode, Numbers};
 use crate::mesh::material::{Material, PictureSource, Texture, TextureSlot};
+use crate::mesh::obj::groups::{BrokenFile, Group};
+use crate::mesh::obj::library::{GivenMaterial, Map};
+use crate::mesh::obj::lines::{FileContext, PartPlace};
+use crate::mesh::obj::notes::Notes;
 use anyhit_base::error::{Error, ErrorKind, Place, Result};
 use anyhit_base::escape;
-use anyhit_base::input::{InputLimit, InputLimits, contained, threads};
-use anyhit_engine::machine::sampler::Sampler;
+use anyhit_base::input::{InputLimit, InputLimits, threads};
+use anyhit_engine::machine::sampler::{AddressMode, Sampler};
 
 /// An open file: its groups, in the order of the model's parts.
 #[derive(Debug)]
 pub struct ObjFile {
-    groups: Vec<tobj::Mesh>,
+    groups: Vec<Group>,
 }
 
 impl ObjFile {
@@ -33,15 +38,13 @@ impl ObjFile {
     /// `InvalidMesh` that points at the line for a broken file; also where no triangle is left, or
     /// the file is beyond a limit.
     pub(super) fn open(path: &Path, bytes: &[u8], files: &dyn Files) -> Result<(Listed, Self)> {
-        let open = contained("tobj", ErrorKind::InvalidMesh, || decode(path, bytes, files));
-        open.map_err(|error| error.or_at(Place::File(path.to_path_buf())))
+        decode(path, bytes, files).map_err(|error| error.or_at(Place::File(path.to_path_buf())))
     }
 
     /// The triangles of a group.
     pub(super) fn triangles(&self, group: usize) -> Mesh {
-        let mesh = &self.groups[group];
-        let vertices = mesh.positions.as_chunks::<3>().0.to_vec();
-        Mesh { vertices, indices: mesh.indices.clone() }
+        let Group { positions, indices, .. } = &self.groups[group];
+        Mesh { vertices: positions.clone(), indices: indices.clone() }
     }
 
     /// The numbers of an attribute of a group.
@@ -51,12 +54,12 @@ impl ObjFile {
     }
 }
 
-fn numbers<'m>(mesh: &'m tobj::Mesh, name: &str) -> (&'m [f32], usize) {
+fn numbers<'g>(group: &'g Group, name: &str) -> (&'g [f32], usize) {
     match name {
-        "normal" => (&mesh.normals, 3),
-        "texcoord_0" => (&mesh.texcoords, 2),
-        "color_0" => (&mesh.vertex_color, 3),
-        _ => (&mesh.positions, 3),
+        "normal" => (group.normals.as_flattened(), 3),
+        "texcoord_0" => (group.texcoords.as_flattened(), 2),
+        "color_0" => (group.colors.as_flattened(), 3),
+        _ => (group.positions.as_flattened(), 3),
     }
 }
 
@@ -69,45 +72,34 @@ fn invalid(message: impl Into<String>) -> Error {
 /// The bytes of a part, about, that a thread reads at once.
 const PART: usize = 1 << 18;
 
-/// A text in parts of whole lines, each of so many bytes at least but for the last one.
-fn parts(mut bytes: &[u8], least: usize) -> Vec<&[u8]> {
-    let mut parts = Vec::new();
-    while let Some(behind) = bytes.get(least.saturating_sub(1)..)
-        && let Some(end) = memchr::memchr(b'\n', behind)
-    {
-        let (part, rest) = bytes.split_at(least.saturating_sub(1) + end + 1);
-        parts.push(part);
-        bytes = rest;
-    }
-    parts.push(bytes);
-    parts
-}
-
 fn decode(path: &Path, bytes: &[u8], files: &dyn Files) -> Result<(Listed, ObjFile)> {
-    let parts = parts(bytes, PART);
-    let of_parts = threads::map(parts.len(), &|at| Contents::of(parts[at]));
-    let parts: Vec<_> = parts.into_iter().zip(of_parts.iter().map(Contents::counts)).collect();
-    let contents = Contents::joined(of_parts);
+    let text = text::decoded(bytes);
+    let (parts, contents) = contents_of_parts(text::parts(&text, PART));
     contents.check(&files.limits())?;
     // Groups are those of the names that the file uses; what an .mtl file says of them comes later,
     // and a missing one does not stop the mesh.
-    let Contents { used, libraries, .. } = contents;
-    let models = match groups::read(&parts, &used) {
-        Some(models) => models,
-        None => read_with_tobj(path, bytes, &used)?,
-    };
-    let (materials, textures) = materials(path, &used, &libraries, files)?;
-    let mut objects: Vec<(String, Vec<tobj::Mesh>)> = Vec::new();
+    let names = contents.used.iter().map(|(name, _)| name.as_str());
+    let context = FileContext { totals: contents.counts(), materials: names.zip(0..).collect() };
+    let read = groups::read(&parts, &context).map_err(|broken| error_of(path, &text, broken));
+    let (all, notes) = read?;
+    let mut library = MaterialReader { path, files, notes, of_libraries: Vec::new() };
+    let (materials, textures) = library.read(&contents)?;
+    let MaterialReader { notes, of_libraries, .. } = library;
+    let mut unread = notes.list(None);
+    unread.extend(of_libraries);
+    let mut objects: Vec<(String, Vec<Group>)> = Vec::new();
     let mut places: HashMap<String, usize> = HashMap::new();
-    for model in models.into_iter().filter(|model| !model.mesh.indices.is_empty()) {
-        let at = *places.entry(model.name.clone()).or_insert_with(|| {
-            objects.push((model.name, Vec::new()));
+    for group in all {
+        let at = *places.entry(group.name.clone()).or_insert_with(|| {
+            objects.push((group.name.clone(), Vec::new()));
             objects.len() - 1
         });
-        objects[at].1.push(model.mesh);
+        objects[at].1.push(group);
     }
     if objects.is_empty() {
-        return Err(invalid("the file has no triangles"));
+        let error = invalid("the file has no triangles");
+        let list = escape::into_line(unread.join("; "));
+        return Err(if list.is_empty() { error } else { error.note(format!("not read: {list}")) });
     }
     let mut groups = Vec::new();
     let mut meshes = Vec::new();
@@ -117,55 +109,65 @@ fn decode(path: &Path, bytes: &[u8], files: &dyn Files) -> Result<(Listed, ObjFi
     }
     let node = |mesh| ModelNode { name: None, mesh, world: glam::DMat4::IDENTITY };
     let nodes = (0..meshes.len()).map(node).collect();
-    Ok((
-        Listed { meshes, nodes, materials, textures, cameras: Vec::new(), unread: Vec::new() },
-        ObjFile { groups },
-    ))
+    let listed = Listed { meshes, nodes, materials, textures, cameras: Vec::new(), unread };
+    Ok((listed, ObjFile { groups }))
 }
 
-/// The groups of a file whose materials have these names, as `tobj` reads it.
-fn read_with_tobj(path: &Path, bytes: &[u8], used: &[String]) -> Result<Vec<tobj::Model>> {
-    let options =
-        LoadOptions { triangulate: true, single_index: true, ignore_points: true, ignore_lines: true };
-    let first = Cell::new(true);
-    let loader = |_: &Path| match first.replace(false) {
-        true => Ok((
-            used.iter().map(|name| tobj::Material { name: name.clone(), ..Default::default() }).collect(),
-            used.iter().cloned().zip(0..).collect::<HashMap<_, _>>().into_iter().collect(),
-        )),
-        false => Err(LoadError::OpenFileFailed),
-    };
-    match tobj::load_obj_buf(&mut (&b"mtllib names\n"[..]).chain(bytes), &options, loader) {
-        Ok((models, _)) => Ok(models),
-        Err(error) => {
-            let error = invalid(format!("not a Wavefront OBJ file: {error}"));
-            Err(match first_invalid_line(path, bytes) {
-                Some(place) => error.at(place),
-                None => error,
-            })
+fn listed(group: &Group) -> ListedPart {
+    let is_there = |name: &&str| !numbers(group, name).0.is_empty();
+    let attributes = ATTRIBUTES.iter().filter(|name| is_there(name)).map(|name| (*name).to_string());
+    ListedPart {
+        material: group.material,
+        vertices: group.positions.len(),
+        triangles: group.indices.len() / 3,
+        attributes: attributes.collect(),
+    }
+}
+
+/// The error of a broken file, with the line where it is known.
+fn error_of(path: &Path, text: &[u8], broken: BrokenFile) -> Error {
+    let not_obj = |message: &str| invalid(format!("not a Wavefront OBJ file: {message}"));
+    match broken {
+        BrokenFile::Line(broken) => not_obj(&broken.message).at(place(path, text, broken.line)),
+        BrokenFile::TooManyVertices => invalid("a group has more vertices than 32-bit indices can address"),
+        BrokenFile::Polygon(number) => {
+            let mut left = number;
+            let line = text::statements(text, 1, |line, text| {
+                let mut words = text::Words(text);
+                let is_polygon = words.next() == Some(b"f") && words.count() > 2;
+                match (is_polygon, left) {
+                    (true, 0) => return ControlFlow::Break(line),
+                    (true, _) => left -= 1,
+                    (false, _) => {}
+                }
+                ControlFlow::Continue(())
+            });
+            let line = line.break_value().unwrap_or(1);
+            invalid("the polygon is too complex to become triangles")
+                .at(place(path, text, line))
+                .note("to read the file, cut the polygon into smaller ones")
         }
     }
 }
 
-fn listed(mesh: &tobj::Mesh) -> ListedPart {
-    let vertices = mesh.positions.len() / 3;
-    // Where some vertices lack a normal, the list of normals is shorter.
-    let is_whole = |name: &&str| {
-        let (values, components) = numbers(mesh, name);
-        values.len() == components * vertices
-    };
-    let attributes = ATTRIBUTES.iter().filter(|name| is_whole(name)).map(|name| (*name).to_string());
-    ListedPart {
-        material: mesh.material_id,
-        vertices,
-        triangles: mesh.indices.len() / 3,
-        attributes: attributes.collect(),
-    }
+/// The place of a line.
+fn place(path: &Path, text: &[u8], line: usize) -> Place {
+    let text = text::text_of(text);
+    let mut start = 0;
+    let lines = text.split_inclusive('\n').map(|line| {
+        let span = start..start + line.trim_end().len();
+        start += line.len();
+        span
+    });
+    let span = { lines }.nth(line - 1).unwrap_or_default();
+    Place::Text { file: escape::path(&path).to_string(), text: (*text).into(), span }
 }
 
 /// What a file makes, counted before it is allocated, and the names that it uses.
 #[derive(Default)]
 struct Contents {
+    /// Its line feeds.
+    lines: usize,
     vertices: u64,
     texcoords: usize,
     normals: usize,
@@ -173,60 +175,47 @@ struct Contents {
     triangles: u64,
     /// Its objects and groups, of each of which half a kilobyte is kept.
     objects: u64,
-    /// Its materials, in the order of their first use.
-    used: Vec<String>,
-    /// Its .mtl files.
-    libraries: Vec<String>,
+    /// Its materials with the lines of their first use.
+    used: Vec<(String, usize)>,
+    /// Its .mtl files with their lines.
+    libraries: Vec<(String, usize)>,
 }
 
 impl Contents {
     fn of(bytes: &[u8]) -> Self {
         let mut found = Self::default();
-        for line in groups::lines(bytes) {
-            let mut words = groups::Words(line);
-            let word = words.next().unwrap_or_default();
-            match word {
+        let _: ControlFlow<()> = text::statements(bytes, 1, |line, text| {
+            let mut words = text::Words(text);
+            // The last one is what follows the last line feed.
+            found.lines = line - 1;
+            match words.next().unwrap_or_default() {
                 b"v" => found.vertices += 1,
                 b"vt" => found.texcoords += 1,
                 b"vn" => found.normals += 1,
                 b"f" => found.triangles += (words.count() as u64).saturating_sub(2),
                 b"o" | b"g" => found.objects += 1,
-                b"usemtl" | b"mtllib" => {
+                b"usemtl" => {
                     found.objects += 1;
-                    let Ok(name) = std::str::from_utf8(words.0.trim_ascii()) else { continue };
-                    let names = if word == b"usemtl" { &mut found.used } else { &mut found.libraries };
-                    if !name.is_empty() && names.last().is_none_or(|last| last != name) {
-                        names.push(name.to_string());
+                    let name = words.name();
+                    if !name.is_empty() && found.used.last().is_none_or(|(last, _)| *last != name) {
+                        found.used.push((name.into_owned(), line));
                     }
+                }
+                b"mtllib" => {
+                    let names = library::names(words);
+                    found.objects += names.len() as u64;
+                    found.libraries.extend(names.into_iter().map(|name| (name, line)));
                 }
                 _ => {}
             }
-        }
+            ControlFlow::Continue(())
+        });
         found
     }
 
     /// The numbers of positions, texture coordinates and normals.
     fn counts(&self) -> [usize; 3] {
         [self.vertices as usize, self.texcoords, self.normals]
-    }
-
-    /// The contents of all parts of a file, with each name once.
-    fn joined(parts: Vec<Self>) -> Self {
-        let mut all = Self::default();
-        let mut known = [HashSet::new(), HashSet::new()];
-        for part in parts {
-            all.vertices += part.vertices;
-            all.texcoords += part.texcoords;
-            all.normals += part.normals;
-            all.triangles += part.triangles;
-            all.objects += part.objects;
-            for ((names, own), known) in
-                [(&mut all.used, part.used), (&mut all.libraries, part.libraries)].into_iter().zip(&mut known)
-            {
-                names.extend(own.into_iter().filter(|name| known.insert(name.clone())));
-            }
-        }
-        all
     }
 
     fn check(&self, limits: &InputLimits) -> Result<()> {
@@ -237,126 +226,119 @@ impl Contents {
     }
 }
 
-/// The materials that a file uses, of its .mtl files; one that none of them has is the default, as
-/// is each where a file is missing.
-fn materials(
-    path: &Path,
-    used: &[String],
-    libraries: &[String],
-    files: &dyn Files,
-) -> Result<(Vec<Material>, Vec<Texture>)> {
-    let mut found: HashMap<String, (PathBuf, tobj::Material)> = HashMap::new();
-    for library in libraries {
-        let library = path.parent().unwrap_or(Path::new("")).join(library);
-        let text = match files.read(&library) {
-            Ok(text) => text,
-            Err(error) if error.kind() == ErrorKind::Io => continue,
-            Err(error) => return Err(error.at(Place::File(path.to_path_buf()))),
-        };
-        let read = tobj::load_mtl_buf(&mut &text[..]);
-        let (materials, _) = read.map_err(|error| {
-            invalid(format!("not a material library: {error}")).at(Place::File(library.clone()))
-        })?;
-        for material in materials {
-            found.entry(material.name.clone()).or_insert((library.clone(), material));
+/// The parts of a file with their places, and the contents of all, in which each name is once.
+fn contents_of_parts(parts: Vec<&[u8]>) -> (Vec<(&[u8], PartPlace)>, Contents) {
+    let of_parts = threads::map(parts.len(), &|at| Contents::of(parts[at]));
+    let mut all = Contents::default();
+    let mut known = [HashSet::new(), HashSet::new()];
+    let mut placed = Vec::with_capacity(parts.len());
+    for (bytes, part) in parts.into_iter().zip(of_parts) {
+        placed.push((bytes, PartPlace { line: all.lines + 1, before: all.counts() }));
+        all.vertices += part.vertices;
+        all.texcoords += part.texcoords;
+        all.normals += part.normals;
+        all.triangles += part.triangles;
+        all.objects += part.objects;
+        let lists = [(&mut all.used, part.used), (&mut all.libraries, part.libraries)];
+        for ((names, own), known) in lists.into_iter().zip(&mut known) {
+            let new = own.into_iter().filter(|(name, _)| known.insert(name.clone()));
+            names.extend(new.map(|(name, line)| (name, all.lines + line)));
         }
+        all.lines += part.lines;
     }
-    let mut textures = Vec::new();
-    let mut places: HashMap<PathBuf, usize> = HashMap::new();
-    let mut all = Vec::new();
-    for name in used {
-        let Some((library, given)) = found.get(name) else {
-            all.push(Material { name: name.clone(), metallic: 0.0, ..Material::default() });
-            continue;
-        };
-        let mut material = material_of(given);
-        let maps = [
-            (TextureSlot::BaseColor, &given.diffuse_texture),
-            (TextureSlot::Normal, &given.normal_texture),
-            (TextureSlot::Specular, &given.specular_texture),
-            (TextureSlot::Alpha, &given.dissolve_texture),
-        ];
-        let emissive = given.unknown_param.get("map_Ke").cloned();
-        for (slot, file) in maps.into_iter().chain([(TextureSlot::Emissive, &emissive)]) {
-            let Some(file) = file else { continue };
-            // Flags such as `-bm 0.2` stand before the name.
-            let name =
-                file.rsplit_once(' ').filter(|_| file.starts_with('-')).map_or(&**file, |(_, name)| name);
-            let picture = library.parent().unwrap_or(Path::new("")).join(name.replace('\\', "/"));
-            let texture = *places.entry(picture).or_insert_with_key(|picture| {
-                let picture = PictureSource::File(picture.clone());
-                textures.push(Texture { picture, sampler: Sampler::default() });
-                textures.len() - 1
-            });
-            material.textures[slot as usize] = Some(texture);
+    (placed, all)
+}
+
+/// Reads the .mtl files of a file.
+struct MaterialReader<'f> {
+    path: &'f Path,
+    files: &'f dyn Files,
+    /// Notes on the file itself.
+    notes: Notes,
+    /// Notes on its .mtl files.
+    of_libraries: Vec<String>,
+}
+
+impl MaterialReader<'_> {
+    /// The materials that the file uses; one that no .mtl file has is the default.
+    fn read(&mut self, contents: &Contents) -> Result<(Vec<Material>, Vec<Texture>)> {
+        let mut found: HashMap<String, (PathBuf, GivenMaterial)> = HashMap::new();
+        for (name, line) in &contents.libraries {
+            let library = self.path.parent().unwrap_or(Path::new("")).join(name);
+            let bytes = match self.files.read(&library) {
+                Ok(bytes) => bytes,
+                Err(error) if error.kind() == ErrorKind::Io => {
+                    self.notes.add(
+                        *line,
+                        format!(
+                            "the material library `{}`, which cannot be opened",
+                            text::shown(name.as_bytes())
+                        ),
+                    );
+                    continue;
+                }
+                Err(error) => return Err(error.at(Place::File(self.path.to_path_buf()))),
+            };
+            let (materials, notes) = library::read(&bytes);
+            self.of_libraries.extend(notes.list(Some(&library)));
+            // The last one of a name in a library, of the first library that has one.
+            let own: HashMap<_, _> =
+                materials.into_iter().map(|given| (given.material.name.clone(), given)).collect();
+            for (name, given) in own {
+                found.entry(name).or_insert_with(|| (library.clone(), given));
+            }
         }
-        all.push(material);
-    }
-    Ok((all, textures))
-}
-
-fn material_of(given: &tobj::Material) -> Material {
-    let [red, green, blue] = given.diffuse.unwrap_or([1.0; 3]);
-    let default = Material::default();
-    let unknown = |key: &str| given.unknown_param.get(key);
-    let number = |key: &str| unknown(key).and_then(|text| text.trim().parse::<f32>().ok());
-    let emissive = unknown("Ke").and_then(|text| {
-        let numbers: Option<Vec<f32>> = text.split_whitespace().map(|word| word.parse().ok()).collect();
-        <[f32; 3]>::try_from(numbers?).ok()
-    });
-    Material {
-        name: given.name.clone(),
-        base_color: [red, green, blue, given.dissolve.unwrap_or(1.0)],
-        metallic: number("Pm").unwrap_or(0.0),
-        roughness: number("Pr").unwrap_or(default.roughness),
-        emissive: given.emissive.or(emissive).unwrap_or_default(),
-        ior: given.optical_density.unwrap_or(default.ior),
-        ambient: given.ambient.unwrap_or_default(),
-        specular: given.specular.unwrap_or_default(),
-        shininess: given.shininess.unwrap_or_default(),
-        illumination: given.illumination_model.unwrap_or_default().into(),
-        ..default
-    }
-}
-
-/// Finds the first invalid line, given the number of vertices before it: the errors of tobj have no
-/// line number.
-fn first_invalid_line(path: &Path, bytes: &[u8]) -> Option<Place> {
-    let text = std::str::from_utf8(bytes).ok()?;
-    // The numbers of positions, texture coordinates and normals.
-    let mut counts = [0_i64; 3];
-    let mut start = 0;
-    for line in text.split_inclusive('\n') {
-        let mut words = line.split_whitespace();
-        let invalid_line = match words.next() {
-            Some("v") => count_line(&mut counts[0], words, 3),
-            Some("vt") => count_line(&mut counts[1], words, 2),
-            Some("vn") => count_line(&mut counts[2], words, 3),
-            Some("f") => !words.all(|corner| is_corner(corner, counts)),
-            _ => false,
-        };
-        if invalid_line {
-            let span = start..start + line.trim_end().len();
-            return Some(Place::Text { file: escape::path(&path).to_string(), text: text.into(), span });
+        let mut textures = Textures::default();
+        let mut all = Vec::new();
+        for (name, line) in &contents.used {
+            let Some((library, given)) = found.get(name) else {
+                if !contents.libraries.is_empty() {
+                    self.notes.add(*line, "a material that no library defines");
+                }
+                all.push(library::default_material(name));
+                continue;
+            };
+            let mut material = given.material.clone();
+            for slot in SLOTS {
+                if let Some(map) = &given.maps[slot as usize] {
+                    material.textures[slot as usize] = Some(textures.place(library, map));
+                    material.mappings[slot as usize] = map.mapping;
+                }
+            }
+            all.push(material);
         }
-        start += line.len();
+        Ok((all, textures.all))
     }
-    None
 }
 
-/// Counts a line of numbers; returns whether it is invalid.
-fn count_line<'w>(count: &mut i64, words: impl Iterator<Item = &'w str>, least: usize) -> bool {
-    let numbers: Vec<Option<f32>> = words.map(|word| word.parse().ok()).collect();
-    *count += 1;
-    numbers.len() < least || numbers.iter().any(Option::is_none)
+/// The slots in the order of a material's textures.
+const SLOTS: [TextureSlot; 5] = [
+    TextureSlot::BaseColor,
+    TextureSlot::Normal,
+    TextureSlot::Specular,
+    TextureSlot::Alpha,
+    TextureSlot::Emissive,
+];
+
+/// The textures of a file: those of one picture that are sampled alike are one.
+#[derive(Default)]
+struct Textures {
+    all: Vec<Texture>,
+    places: HashMap<(PathBuf, bool), usize>,
 }
 
-/// Whether the indices of a corner, `position[/texture[/normal]]`, exist.
-fn is_corner(corner: &str, counts: [i64; 3]) -> bool {
-    corner.split('/').zip(counts).enumerate().all(|(i, (word, count))| match word.parse::<i64>() {
-        Ok(index) => (1..=count).contains(&index) || (-count..0).contains(&index),
-        Err(_) => word.is_empty() && i > 0,
-    })
+impl Textures {
+    fn place(&mut self, library: &Path, map: &Map) -> usize {
+        let picture = library.parent().unwrap_or(Path::new("")).join(&map.file);
+        *self.places.entry((picture, map.is_clamped)).or_insert_with_key(|(picture, is_clamped)| {
+            let mut sampler = Sampler::default();
+            if *is_clamped {
+                sampler.address_mode = [AddressMode::ClampToEdge; 3];
+            }
+            self.all.push(Texture { picture: PictureSource::File(picture.clone()), sampler });
+            self.all.len() - 1
+        })
+    }
 }
 
 #[cfg(test)]
@@ -471,6 +453,7 @@ mod tests {
             specular: [0.1, 0.2, 0.3],
             emissive: [1.0, 2.0, 3.0],
             illumination: 2,
+            normal_scale: 0.2,
             textures: [Some(0), None, Some(1), None, None, None, None],
             ..Material::default()
         };
@@ -498,10 +481,95 @@ mod tests {
     }
 
     #[test]
-    fn a_broken_library_is_named() {
-        let library: &[u8] = b"newmtl brick\nKd red\n";
-        let error = open(HOUSE, &[("a/house.mtl", library)], InputLimits::default()).unwrap_err();
-        assert!(error.message().starts_with("not a material library"), "{error}");
-        assert!(error.to_string().contains("a/house.mtl"), "{error}");
+    fn a_broken_line_of_a_library_is_a_note() {
+        let library: &[u8] = b"newmtl brick\nKd red\nKs .5\n";
+        let model = open(HOUSE, &[("a/house.mtl", library)], InputLimits::default()).unwrap();
+        assert_eq!(model.materials[0].specular, [0.5; 3]);
+        let unread =
+            ["line 14: a material that no library defines", "a/house.mtl:2: `Kd`: `red` is not a number"];
+        assert_eq!(model.unread, unread);
+        let model = open(HOUSE, &[], InputLimits::default()).unwrap();
+        let unread = [
+            "line 1: the material library `house.mtl`, which cannot be opened",
+            "line 12: a material that no library defines (2 times)",
+        ];
+        assert_eq!(model.unread, unread);
+    }
+
+    const TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3\n";
+
+    /// As trimesh reads it: one triangle.
+    #[test]
+    fn lines_and_points_are_notes() {
+        let limits = InputLimits::default();
+        for rest in ["l 1 2 3 4\n", "p 1 2 4\n", "l 1 2\nl 3 4\np 1\np 1 2\n"] {
+            let model = open(&format!("{TRIANGLE}{rest}"), &[], limits).unwrap();
+            assert_eq!(model.triangles(0).unwrap().indices, [0, 1, 2], "{rest}");
+            assert!(model.unread[0].starts_with("line 6: "), "{rest}");
+        }
+        let text = format!("{TRIANGLE}l 1 2\nl 3 4\np 1\nf 1 2\ncstype bezier\ns 1\n");
+        let unread = [
+            "line 6: a line (`l`) (2 times)",
+            "line 8: a point (`p`)",
+            "line 9: a face of fewer than three corners",
+            "line 10: `cstype`",
+        ];
+        assert_eq!(open(&text, &[], limits).unwrap().unread, unread);
+        // A file of lines alone says so.
+        let error = load("v 0 0 0\nv 1 0 0\nv 1 1 0\nl 1 2 3 1\n", None).unwrap_err();
+        assert_eq!(error.message(), "the file has no triangles");
+        assert_eq!(error.notes(), ["not read: line 4: a line (`l`)"]);
+    }
+
+    /// Files as other programs write them; assimp, trimesh or three.js reads each.
+    #[test]
+    fn files_as_they_occur_are_read() {
+        for (text, count) in [
+            ("v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 \\\n3 4\n", 2),
+            ("v 0 0 \\\n0\nv 1 0 0\nv 1 1 0\nf 1 2 3\n", 1),
+            ("v 0 0 0 # a\nv 1 0 0\nv 1 1 0\nusemtl\nf 1 2 3#b\n", 1),
+            ("v 0 0 0\nv 1 0 0\nv 1 1 0\nvt 0.5\nusemtl \nf 1/1 2/1 3/1\n", 1),
+            ("v 0 0 0 .1 .2 .3\nv 1 0 0\nv 1 1 0 .7 .8 .9\nf 1 2 3\n", 1),
+            ("\u{feff}v 0 0 0\nv 1 0 0\nv 1 1 0\nf 1 2 3\n", 1),
+            ("f 1 2 3\rv 0 0 0\rv 1 0 0\rv 1 1 0\r", 1),
+        ] {
+            let mesh = load(text, None).unwrap();
+            assert_eq!(mesh.indices.len(), 3 * count, "{text}");
+            assert_eq!(mesh.vertices[..3], [[0., 0., 0.], [1., 0., 0.], [1., 1., 0.]], "{text}");
+        }
+        let latin = b"# f\xfcr\no b\xfccher\nv 0 0 0\nv 1 0 0\nv 1 1 0\nf 1 2 3\n".to_vec();
+        let model = Model::open(MeshFormat::Obj, Path::new("m.obj"), latin, &EmbeddedFiles(&[])).unwrap();
+        assert_eq!(model.meshes[0].name, "bücher");
+    }
+
+    #[test]
+    fn libraries_are_found_and_searched_in_order() {
+        let files: &[(&str, &[u8])] = &[
+            (
+                "a/a.mtl",
+                "\u{feff}newmtl a\nKd 0 0 0\nnewmtl a\nKd 1 0 0\nmap_Kd t.png\nmap_Ks -clamp on t.png\n"
+                    .as_bytes(),
+            ),
+            (
+                "a/sub/b lib.mtl",
+                b"newmtl a\nKd 0 1 0\nnewmtl b\nKd 0 0 1\nmap_Kd -s 2 2 t.png\nmap_d ..\\t.png\n",
+            ),
+        ];
+        let text = format!("mtllib a.mtl sub\\b lib.mtl\n{TRIANGLE}usemtl b\nf 1 2 3\nusemtl a\nf 1 2 3\n");
+        let model = open(&text, files, InputLimits::default()).unwrap();
+        let colors: Vec<_> = model.materials.iter().map(|one| one.base_color).collect();
+        // The last one of a library, of the first library.
+        assert_eq!(colors[..2], [[0., 0., 1., 1.], [1., 0., 0., 1.]]);
+        let texture = |material: usize, slot: TextureSlot| {
+            let texture = &model.textures[model.materials[material].textures[slot as usize].unwrap()];
+            (&texture.picture, texture.sampler.address_mode[0])
+        };
+        let file = |path: &str| PictureSource::File(path.into());
+        let (repeat, clamp) = (AddressMode::Repeat, AddressMode::ClampToEdge);
+        assert_eq!(texture(0, TextureSlot::BaseColor), (&file("a/sub/t.png"), repeat));
+        assert_eq!(model.materials[0].mappings[0].transform, [[2., 0., 0.], [0., 2., 0.]]);
+        assert_eq!(texture(0, TextureSlot::Alpha), (&file("a/sub/../t.png"), repeat));
+        assert_eq!(texture(1, TextureSlot::BaseColor), (&file("a/t.png"), repeat));
+        assert_eq!(texture(1, TextureSlot::Specular), (&file("a/t.png"), clamp));
     }
 }

@@ -1,28 +1,44 @@
-//! Reads the groups of a Wavefront OBJ file with triangles and polygons.
+//! Makes the groups of a Wavefront OBJ file with shared vertices.
 //!
-//! These are the groups that `tobj` makes, which keeps 104 bytes of every face until its group ends
-//! and then finds the vertices that corners share in a hash map. Here a thread numbers the corners
-//! of a part while others read the next parts: each position has a list of the vertices that were
-//! made of it. A file that has anything else (points, lines, weights of positions, vertices behind
-//! their faces, mistakes) is left to `tobj`, which also explains what is wrong with it.
+//! A thread numbers the corners of a part while others read the next parts: each position has a
+//! list of the vertices that were made of it.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, VecDeque};
 
-use crate::mesh::obj::{ObjMesh, ObjModel};
+use crate::mesh::obj::lines::{
+    BrokenLine, ChangeTo, Corner, Faces, FileContext, Lines, NONE, PartPlace, UNNAMED, Values,
+};
+use crate::mesh::obj::notes::Notes;
+use crate::mesh::obj::{polygon, text};
 use anyhit_base::input::threads;
-
-/// No texture coordinate, no normal, no vertex.
-const NONE: u32 = u32::MAX;
 
 /// A longer list of the vertices of one position continues in a hash map.
 const MAX_LIST: usize = 8;
 
-/// A vertex of a group: the indices of its attributes.
-#[derive(Clone, Copy)]
-struct Corner {
-    position: u32,
-    texcoord: u32,
-    normal: u32,
+/// The colour of a vertex without one where others of its group have one.
+const WHITE: [f32; 3] = [1.0; 3];
+
+/// The triangles of an object with one material. Each attribute is that of all vertices, or empty.
+#[derive(Debug, Default, PartialEq)]
+pub(super) struct Group {
+    pub name: String,
+    /// A place among the materials of the file.
+    pub material: Option<usize>,
+    pub positions: Vec<[f32; 3]>,
+    pub texcoords: Vec<[f32; 2]>,
+    pub normals: Vec<[f32; 3]>,
+    pub colors: Vec<[f32; 3]>,
+    /// Three for each triangle.
+    pub indices: Vec<u32>,
+}
+
+/// Why a file has no groups.
+#[derive(Debug)]
+pub(super) enum BrokenFile {
+    Line(BrokenLine),
+    /// The polygon of this number, from 0, takes too long to cut into triangles.
+    Polygon(usize),
+    TooManyVertices,
 }
 
 impl Corner {
@@ -38,359 +54,257 @@ struct Vertex {
     next: u32,
 }
 
-/// Values of lines, in their order.
-#[derive(Default)]
-struct Values {
-    positions: Vec<[f32; 3]>,
-    colors: Vec<[f32; 3]>,
-    texcoords: Vec<[f32; 2]>,
-    normals: Vec<[f32; 3]>,
-}
-
-/// What the lines of a part of a file say.
-#[derive(Default)]
-struct Lines<'b> {
-    /// The numbers of positions, texture coordinates and normals before this part.
-    before: [usize; 3],
-    values: Values,
-    /// The corners of all faces.
-    corners: Vec<Corner>,
-    /// How many corners each face has.
-    faces: Vec<u32>,
-    changes: Vec<Change<'b>>,
-}
-
-/// A line after which other faces belong to another group.
-struct Change<'b> {
-    /// How many faces and colours of the part are before it.
-    faces: usize,
-    colors: usize,
-    to: ChangeTo<'b>,
-}
-
-enum ChangeTo<'b> {
-    /// A group of this name.
-    Name(&'b str),
-    /// A material, by its place among all.
-    Material(Option<usize>),
-}
-
-/// What is read so far.
-#[derive(Default)]
+/// The state between two parts.
 struct Reader {
     values: Values,
+    /// Faces whose vertices are in parts that follow.
+    waiting: VecDeque<Faces>,
+    name: String,
+    material: Option<usize>,
+    /// The line from which on faces belong to the group.
+    line: usize,
+    /// Number of polygons that are read.
+    polygons: usize,
     /// For each position the first vertex of the group that was made of it.
     first_vertices: Vec<u32>,
     /// The vertices that are in no list, as theirs are long.
     unlisted: HashMap<[u32; 3], u32>,
     vertices: Vec<Vertex>,
     indices: Vec<u32>,
-    models: Vec<ObjModel>,
+    groups: Vec<Group>,
+    notes: Notes,
 }
 
-/// The groups of a file, each with its material's place among `materials`; `None` where `tobj` must
-/// read it. The file is given in parts of whole lines, each with the numbers of positions, texture
-/// coordinates and normals in it.
-pub(super) fn read(parts: &[(&[u8], [usize; 3])], materials: &[String]) -> Option<Vec<ObjModel>> {
-    let places: HashMap<&str, usize> = materials.iter().map(String::as_str).zip(0..).collect();
-    let before: Vec<[usize; 3]> = parts
-        .iter()
-        .scan([0; 3], |sum, (_, counts)| {
-            let before = *sum;
-            sum.iter_mut().zip(counts).for_each(|(sum, count)| *sum += count);
-            Some(before)
-        })
-        .collect();
-    let mut reader = Reader::default();
-    let (mut name, mut material) = ("unnamed_object", None);
-    let mut is_read = true;
-    threads::in_order(parts.len(), &|at| Lines::of(parts[at].0, before[at], &places), &mut |lines| {
-        is_read = lines.and_then(|lines| reader.add(lines, &mut name, &mut material)).is_some();
-        is_read
+/// The groups of a file, which is given in parts of whole lines, and notes on it.
+pub(super) fn read(
+    parts: &[(&[u8], PartPlace)],
+    context: &FileContext<'_>,
+) -> Result<(Vec<Group>, Notes), BrokenFile> {
+    let mut reader = Reader {
+        values: Values::default(),
+        waiting: VecDeque::new(),
+        name: UNNAMED.to_owned(),
+        material: None,
+        line: 1,
+        polygons: 0,
+        first_vertices: Vec::new(),
+        unlisted: HashMap::new(),
+        vertices: Vec::new(),
+        indices: Vec::new(),
+        groups: Vec::new(),
+        notes: Notes::default(),
+    };
+    let mut result = Ok(());
+    threads::in_order(parts.len(), &|at| Lines::of(parts[at].0, parts[at].1, context), &mut |lines| {
+        result = lines.map_err(BrokenFile::Line).and_then(|lines| reader.add(lines));
+        result.is_ok()
     });
-    if !is_read {
-        return None;
-    }
-    reader.finish_group(name, material, reader.values.colors.len())?;
-    Some(reader.models)
-}
-
-impl<'b> Lines<'b> {
-    /// Reads lines; `None` where `tobj` must read the file.
-    fn of(bytes: &'b [u8], before: [usize; 3], places: &HashMap<&str, usize>) -> Option<Self> {
-        let text = std::str::from_utf8(bytes).ok()?;
-        let mut own = Self { before, ..Self::default() };
-        // Lines of one line feed after the other: a carriage return before it is white space.
-        for line in lines(text.as_bytes()) {
-            let mut words = Words(line);
-            // Words that other characters than those of ASCII divide are read by `tobj`.
-            match words.next().unwrap_or_default() {
-                b"v" => own.position(words)?,
-                b"vt" => own.values.texcoords.push(numbers(&mut words)?),
-                b"vn" => own.values.normals.push(numbers(&mut words)?),
-                b"f" => own.face(words)?,
-                b"l" => return None,
-                b"o" | b"g" => {
-                    // Behind the first character, even if that is white space.
-                    let name = std::str::from_utf8(line).ok()?.get(1..)?.trim();
-                    own.change(ChangeTo::Name(if name.is_empty() { "unnamed_object" } else { name }));
-                }
-                b"usemtl" => {
-                    let wanted = std::str::from_utf8(line).ok()?.split_once(' ')?.1.trim();
-                    if wanted.is_empty() {
-                        return None;
-                    }
-                    own.change(ChangeTo::Material(places.get(wanted).copied()));
-                }
-                [b'#', ..] => {}
-                first if first.is_ascii() && !first.contains(&b'\x0B') => {}
-                _ => return None,
-            }
-        }
-        Some(own)
-    }
-
-    fn change(&mut self, to: ChangeTo<'b>) {
-        self.changes.push(Change { faces: self.faces.len(), colors: self.values.colors.len(), to });
-    }
-
-    /// Reads a position, and its colour if it has one.
-    fn position(&mut self, mut words: Words<'_>) -> Option<()> {
-        self.values.positions.push(numbers(&mut words)?);
-        if !words.is_empty() {
-            self.values.colors.push(numbers(&mut words)?);
-            return words.is_empty().then_some(());
-        }
-        Some(())
-    }
-
-    /// Reads a polygon, which has three corners at least: a line has two.
-    fn face(&mut self, words: Words<'_>) -> Option<()> {
-        let first = self.corners.len();
-        for word in words {
-            let corner = self.corner(word)?;
-            self.corners.push(corner);
-        }
-        let count = self.corners.len() - first;
-        self.faces.push(u32::try_from(count).ok().filter(|count| *count > 2)?);
-        Some(())
-    }
-
-    /// A corner, `position[/texcoord[/normal]]`.
-    fn corner(&self, word: &[u8]) -> Option<Corner> {
-        let Values { positions, texcoords, normals, .. } = &self.values;
-        let [position, texcoord, normal] = self.before;
-        let mut parts = word.split(|byte| *byte == b'/');
-        let position = index(parts.next()?, position + positions.len())?;
-        let mut optional = |count: usize| match parts.next() {
-            None | Some([]) => Some(NONE),
-            Some(digits) => index(digits, count),
-        };
-        let texcoord = optional(texcoord + texcoords.len())?;
-        let normal = optional(normal + normals.len())?;
-        parts.next().is_none().then_some(Corner { position, texcoord, normal })
-    }
+    result?;
+    reader.finish_group();
+    Ok((reader.groups, reader.notes))
 }
 
 impl Reader {
-    /// Adds the next lines of a file, in which the group and the material may change.
-    fn add<'b>(&mut self, lines: Lines<'b>, name: &mut &'b str, material: &mut Option<usize>) -> Option<()> {
-        let Lines { values, corners, faces, changes, .. } = lines;
-        let colors_before = self.values.colors.len();
-        self.values.positions.extend(values.positions);
-        self.values.colors.extend(values.colors);
-        self.values.texcoords.extend(values.texcoords);
-        self.values.normals.extend(values.normals);
+    /// Adds the next lines of a file.
+    fn add(&mut self, lines: Lines<'_>) -> Result<(), BrokenFile> {
+        self.values.append(lines.values);
         self.first_vertices.resize(self.values.positions.len(), NONE);
-        let (mut done, mut rest) = (0, &corners[..]);
-        for change in &changes {
-            self.add_faces(&faces[done..change.faces], &mut rest)?;
-            done = change.faces;
-            let colors = colors_before + change.colors;
-            match change.to {
-                ChangeTo::Name(to) => {
-                    self.finish_group(name, *material, colors)?;
-                    *name = to;
-                }
-                ChangeTo::Material(to) => {
-                    if to != *material {
-                        self.finish_group(name, *material, colors)?;
-                    }
-                    *material = to;
-                }
-            }
+        self.notes.append(lines.notes);
+        self.waiting.push_back(lines.faces);
+        let known = self.values.counts();
+        while let Some(faces) = self.waiting.front()
+            && faces.needed.iter().zip(known).all(|(needed, known)| *needed <= known)
+            && let Some(faces) = self.waiting.pop_front()
+        {
+            self.add_part(faces)?;
         }
-        self.add_faces(&faces[done..], &mut rest)
+        Ok(())
     }
 
-    /// Adds polygons, each as a fan around its first corner.
-    fn add_faces(&mut self, faces: &[u32], corners: &mut &[Corner]) -> Option<()> {
-        for &count in faces {
-            let (face, rest) = corners.split_at_checked(count as usize)?;
-            *corners = rest;
-            let [first, second, others @ ..] = face else { return None };
-            let (first, mut last) = (self.number(*first)?, self.number(*second)?);
-            for corner in others {
-                let this = self.number(*corner)?;
-                self.indices.extend([first, last, this]);
-                last = this;
+    /// Adds faces between which the group and the material may change.
+    fn add_part(&mut self, part: Faces) -> Result<(), BrokenFile> {
+        let Faces { corners, counts, changes, .. } = part;
+        let (mut done, mut rest) = (0, &corners[..]);
+        for change in changes {
+            self.add_faces(&counts[done..change.faces], &mut rest)?;
+            done = change.faces;
+            match change.to {
+                ChangeTo::Name(to) => {
+                    self.finish_group();
+                    (self.name, self.line) = (to, change.line);
+                }
+                ChangeTo::Material(to) => {
+                    if to != self.material {
+                        self.finish_group();
+                        self.line = change.line;
+                    }
+                    self.material = to;
+                }
             }
         }
-        Some(())
+        self.add_faces(&counts[done..], &mut rest)
+    }
+
+    /// Adds polygons: each as a fan around its first corner, unless that does not cover it.
+    fn add_faces(&mut self, counts: &[u32], corners: &mut &[Corner]) -> Result<(), BrokenFile> {
+        for &count in counts {
+            let (face, rest) = corners.split_at(count as usize);
+            *corners = rest;
+            let positions = &self.values.positions;
+            let position = |at: usize| positions[face[at].position as usize];
+            if count == 3 || polygon::is_fan(&position, face.len()) {
+                let (first, mut last) = (self.number(face[0])?, self.number(face[1])?);
+                for corner in &face[2..] {
+                    let this = self.number(*corner)?;
+                    self.indices.extend([first, last, this]);
+                    last = this;
+                }
+            } else {
+                let ears = polygon::ears(&position, face.len());
+                let ears = ears.ok_or(BrokenFile::Polygon(self.polygons))?;
+                let numbers: Vec<u32> =
+                    face.iter().map(|corner| self.number(*corner)).collect::<Result<_, _>>()?;
+                self.indices.extend(ears.as_flattened().iter().map(|corner| numbers[*corner]));
+            }
+            self.polygons += 1;
+        }
+        Ok(())
     }
 
     /// The number of a vertex within the group; a new one gets the next.
-    fn number(&mut self, corner: Corner) -> Option<u32> {
+    fn number(&mut self, corner: Corner) -> Result<u32, BrokenFile> {
         let first = &mut self.first_vertices[corner.position as usize];
         let mut at = *first;
         let mut length = 0;
         while let Some(vertex) = self.vertices.get(at as usize) {
             if vertex.corner.texcoord == corner.texcoord && vertex.corner.normal == corner.normal {
-                return Some(at);
+                return Ok(at);
             }
             (at, length) = (vertex.next, length + 1);
         }
-        let new = u32::try_from(self.vertices.len()).ok().filter(|new| *new != NONE)?;
+        let new = u32::try_from(self.vertices.len()).ok().filter(|new| *new != NONE);
+        let new = new.ok_or(BrokenFile::TooManyVertices)?;
         let mut next = NONE;
         if length < MAX_LIST {
             next = std::mem::replace(first, new);
         } else if let Some(known) = self.unlisted.get(&corner.key()) {
-            return Some(*known);
+            return Ok(*known);
         } else {
             self.unlisted.insert(corner.key(), new);
         }
         self.vertices.push(Vertex { corner, next });
-        Some(new)
+        Ok(new)
     }
 
-    /// Makes a model of the triangles since the last group, if there are any. So many colours are
-    /// known by now.
-    fn finish_group(&mut self, name: &str, material: Option<usize>, colors: usize) -> Option<()> {
-        let Values { positions, texcoords, normals, colors: all_colors } = &self.values;
+    /// Makes a group of the triangles since the last one, if there are any.
+    fn finish_group(&mut self) {
         if self.indices.is_empty() {
-            return Some(());
+            return;
         }
-        let mut mesh = ObjMesh { material_id: material, ..ObjMesh::default() };
-        mesh.positions.reserve_exact(3 * self.vertices.len());
+        let Values { positions, texcoords, normals, colors } = &self.values;
+        let mut group = Group { name: self.name.clone(), material: self.material, ..Group::default() };
+        let count = self.vertices.len();
+        group.positions.reserve_exact(count);
+        let mut colored = 0;
         for Vertex { corner, .. } in self.vertices.drain(..) {
             let position = corner.position as usize;
             self.first_vertices[position] = NONE;
-            mesh.positions.extend(positions[position]);
+            group.positions.push(positions[position]);
             if corner.texcoord != NONE {
-                mesh.texcoords.extend(texcoords[corner.texcoord as usize]);
+                group.texcoords.push(texcoords[corner.texcoord as usize]);
             }
             if corner.normal != NONE {
-                mesh.normals.extend(normals[corner.normal as usize]);
+                group.normals.push(normals[corner.normal as usize]);
             }
-            if colors > 0 {
-                mesh.vertex_color.extend(all_colors[..colors].get(position)?);
+            if !colors.is_empty() {
+                let color = colors.get(position).copied().flatten();
+                colored += usize::from(color.is_some());
+                group.colors.push(color.unwrap_or(WHITE));
             }
         }
         self.unlisted.clear();
-        mesh.indices = std::mem::take(&mut self.indices);
-        mesh.indices.shrink_to_fit();
-        self.models.push(ObjModel { mesh, name: name.to_owned() });
-        Some(())
-    }
-}
-
-/// The lines of a file.
-pub(super) fn lines(bytes: &[u8]) -> impl Iterator<Item = &[u8]> {
-    let mut start = 0;
-    memchr::memchr_iter(b'\n', bytes).chain([bytes.len()]).map(move |end| {
-        let line = &bytes[start..end];
-        start = end + 1;
-        line
-    })
-}
-
-/// The words of a line; what follows the last one that was read.
-pub(super) struct Words<'a>(pub &'a [u8]);
-
-impl Words<'_> {
-    /// Whether no word is left.
-    fn is_empty(&self) -> bool {
-        self.0.trim_ascii_start().is_empty()
-    }
-}
-
-impl<'a> Iterator for Words<'a> {
-    type Item = &'a [u8];
-
-    fn next(&mut self) -> Option<&'a [u8]> {
-        let rest = self.0.trim_ascii_start();
-        let end = rest.iter().position(u8::is_ascii_whitespace).unwrap_or(rest.len());
-        let (word, rest) = rest.split_at(end);
-        self.0 = rest;
-        (!word.is_empty()).then_some(word)
-    }
-}
-
-/// The next numbers of a line.
-fn numbers<const N: usize>(words: &mut Words<'_>) -> Option<[f32; N]> {
-    let mut numbers = [0.0; N];
-    for number in &mut numbers {
-        *number = std::str::from_utf8(words.next()?).ok()?.parse().ok()?;
-    }
-    Some(numbers)
-}
-
-/// An index among so many elements, counted from 0: written from 1 on, or from the last one
-/// backwards from -1 on.
-fn index(digits: &[u8], count: usize) -> Option<u32> {
-    /// More digits than a `u32` has are read by `tobj`.
-    const MOST: usize = 9;
-    let (is_negative, digits) = match digits {
-        [b'-', digits @ ..] => (true, digits),
-        digits => (false, digits),
-    };
-    if digits.is_empty() || digits.len() > MOST {
-        return None;
-    }
-    let mut number = 0;
-    for digit in digits {
-        let value = digit.wrapping_sub(b'0');
-        if value > 9 {
-            return None;
+        group.indices = std::mem::take(&mut self.indices);
+        group.indices.shrink_to_fit();
+        if colored == 0 {
+            group.colors = Vec::new();
+        } else if colored < count {
+            self.notes.add(
+                self.line,
+                format!(
+                    "colours of `{}`: some vertices have none and are white",
+                    text::shown(group.name.as_bytes())
+                ),
+            );
         }
-        number = 10 * number + usize::from(value);
+        let partial = |values: usize| 0 < values && values < count;
+        if partial(group.texcoords.len()) {
+            self.notes.add(self.line, partial_attribute(&group.name, "texture coordinate"));
+            group.texcoords = Vec::new();
+        }
+        if partial(group.normals.len()) {
+            self.notes.add(self.line, partial_attribute(&group.name, "normal"));
+            group.normals = Vec::new();
+        }
+        self.groups.push(group);
     }
-    if number == 0 || number > count {
-        return None;
-    }
-    Some((if is_negative { count - number } else { number - 1 }) as u32)
+}
+
+fn partial_attribute(group: &str, what: &str) -> String {
+    format!("{what}s of `{}`: some corners have none", text::shown(group.as_bytes()))
 }
 
 #[cfg(test)]
 mod tests {
-    use std::path::Path;
-
     use super::*;
-    use crate::mesh::obj::{Contents, parts, read_with_tobj};
+    use crate::mesh::obj::contents_of_parts;
     use anyhit_engine::math::random::Random;
 
-    /// The groups as `tobj` reads them: the judge.
-    fn judged(text: &str, materials: &[String]) -> Vec<ObjModel> {
-        let models = read_with_tobj(Path::new("m.obj"), text.as_bytes(), materials);
-        let mut models = models.expect(text);
-        models.retain(|model| !model.mesh.indices.is_empty());
-        models
+    /// The groups as `tobj` reads them: the judge. Attributes that some vertices lack are left out.
+    fn judged(text: &str, materials: &[&str]) -> Vec<Group> {
+        let options = tobj::LoadOptions { triangulate: true, single_index: true, ..Default::default() };
+        let named = |name: &&str| tobj::Material { name: (*name).to_string(), ..Default::default() };
+        let text = format!("mtllib names\n{text}");
+        let (models, _) = tobj::load_obj_buf(&mut text.as_bytes(), &options, |_| {
+            let places = materials.iter().map(|name| (*name).to_string()).zip(0..).collect();
+            Ok((materials.iter().map(named).collect(), places))
+        })
+        .expect(&text);
+        let group = |tobj::Model { mesh, name }| {
+            let positions = mesh.positions.as_chunks().0.to_vec();
+            let whole = |numbers: &[f32]| {
+                let values = numbers.as_chunks::<3>().0.to_vec();
+                if values.len() == positions.len() { values } else { Vec::new() }
+            };
+            let texcoords = mesh.texcoords.as_chunks().0.to_vec();
+            Group {
+                name,
+                material: mesh.material_id,
+                texcoords: if texcoords.len() == positions.len() { texcoords } else { Vec::new() },
+                normals: whole(&mesh.normals),
+                colors: whole(&mesh.vertex_color),
+                positions,
+                indices: mesh.indices,
+            }
+        };
+        models.into_iter().map(group).filter(|group| !group.indices.is_empty()).collect()
     }
 
-    fn read_in_parts(bytes: &[u8], part: usize, materials: &[String]) -> Option<Vec<ObjModel>> {
-        let parts: Vec<_> =
-            parts(bytes, part).into_iter().map(|part| (part, Contents::of(part).counts())).collect();
-        read(&parts, materials)
+    fn read_in_parts(text: &str, part: usize, materials: &[&str]) -> (Vec<Group>, Notes) {
+        let (parts, contents) = contents_of_parts(text::parts(text.as_bytes(), part));
+        let context = FileContext {
+            totals: contents.counts(),
+            materials: materials.iter().copied().zip(0..).collect(),
+        };
+        read(&parts, &context).expect(text)
     }
 
     fn check(text: &str, materials: &[&str]) {
-        let materials: Vec<String> = materials.iter().map(|name| (*name).to_string()).collect();
-        let wanted = format!("{:?}", judged(text, &materials));
+        let wanted = judged(text, materials);
         // As a whole, and line by line.
         for (part, threads) in [(usize::MAX, 1), (1, 1), (1, 3), (100, 2)] {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            let found = pool.install(|| read_in_parts(text.as_bytes(), part, &materials)).expect(text);
-            assert_eq!(format!("{found:?}"), wanted, "{text}");
+            let (found, _) = pool.install(|| read_in_parts(text, part, materials));
+            assert_eq!(found, wanted, "{text}");
         }
     }
 
@@ -409,12 +323,14 @@ mod tests {
                 "usemtl a\nf 1 2 3\nusemtl a\nf 1 3 4\nusemtl b c\nf 2 3 4\nusemtl none\nf 4 3 2\n",
                 &["a", "b c"],
             ),
-            ("# remark\n#\n\n \ts off\nmtllib x.mtl\nf 1\t2  3 \n f 2 3 4\n o name\nf 1 2 3\n", &[]),
+            ("# remark\n#\n\n \ts off\nmtllib x.mtl\nf 1\t2  3 \n f 2 3 4\no name\nf 1 2 3\n", &[]),
         ] {
             check(&format!("{points}{rest}"), materials);
         }
         check("v 0 0 0 1 0.5 0\nv 1 0 0 0 1 1\nv 1 1 0 0 0 0.25\nf 3 2 1\n", &[]);
         check(points, &[]);
+        // Vertices behind their faces.
+        check("f 1 3/1 4\nf 2 3/1 1\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 1 2\nv 1 1 0\nf 1 2 3\n", &[]);
     }
 
     #[test]
@@ -431,13 +347,12 @@ mod tests {
                     text += "g next\n";
                 }
                 let mut one = || 1 + random.below(size);
-                let corners: Vec<String> = (0..3 + at % 4)
-                    .map(|_| match at % 3 {
-                        0 => format!("{}/{}/{}", one(), one(), one()),
-                        1 => format!("{}//{}", one(), one()),
-                        _ => format!("{}", one()),
-                    })
-                    .collect();
+                let corner = |position, texcoord, normal| match at % 3 {
+                    0 => format!("{position}/{texcoord}/{normal}"),
+                    1 => format!("{position}//{normal}"),
+                    _ => format!("{position}"),
+                };
+                let corners: Vec<String> = (0..3).map(|_| corner(one(), one(), one())).collect();
                 text += &format!("f {}\n", corners.join(" "));
             }
             check(&text, &[]);
@@ -445,39 +360,40 @@ mod tests {
     }
 
     #[test]
-    fn other_files_are_left_to_tobj() {
-        let points = "v 0 0 0\nv 1 0 0\nv 1 1 0\n";
-        for rest in [
-            "f 1 2\n",
-            "f 1\n",
-            "f\n",
-            "l 1 2\n",
-            "f 1 2 4\n",
-            "f 0 1 2\n",
-            "f -4 1 2\n",
-            "f 1/1 2 3\n",
-            "f 1 2 3/1/1/1\n",
-            "f /1 2 3\n",
-            "f 1 2 x\n",
-            "f 1 2 1234567890\n",
-            "v 0 0 0 2\n",
-            "v 0 0\n",
-            "v 0 0 0 1 1\n",
-            "v 0 0 0 1 1 x\n",
-            "vt 0\n",
-            "vn 0 0 x\n",
-            "usemtl\n",
-            "usemtl \n",
-            "\u{A0}f 1 2 3\n",
-            "\x0Bf 1 2 3\n",
-            "f 1 2\u{A0}3\n",
-            "v 0 0 0 1 1 1\nf 1 2 3\n",
-        ] {
-            let text = format!("{points}{rest}");
-            for part in [1, usize::MAX] {
-                assert!(read_in_parts(text.as_bytes(), part, &[]).is_none(), "{rest}");
-            }
+    fn concave_polygons_keep_their_corners() {
+        let text = "v 0 0 0\nv 4 0 0\nv 4 4 0\nv 2 1 0\nv 0 4 0\nvt 0 0\nf 1 2 3\nf 1/1 2 3 4 5\n";
+        let (groups, _) = read_in_parts(text, usize::MAX, &[]);
+        let Group { positions, indices, .. } = &groups[0];
+        // The polygon's first corner is a new vertex: it has a texture coordinate.
+        assert_eq!(positions.len(), 6);
+        let triangles: Vec<[u32; 3]> = indices.as_chunks().0[1..].to_vec();
+        let area = |triangle: &[u32; 3]| {
+            let [a, b, c] = triangle.map(|vertex| positions[vertex as usize]);
+            0.5 * ((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))
+        };
+        // As assimp cuts it: 4 * 4 less the notch of half of 4 * 3.
+        assert_eq!(triangles.len(), 3);
+        assert!(triangles.iter().all(|triangle| area(triangle) > 0.0), "{triangles:?}");
+        assert_eq!(triangles.iter().map(area).sum::<f32>(), 10.0);
+    }
+
+    #[test]
+    fn partial_attributes_are_noted() {
+        let text = "v 0 0 0 .1 .2 .3\nv 1 0 0\nv 1 1 0 .7 .8 .9\nv 0 1 0\nvn 0 0 1\no a\nf 1//1 2//1 3\no b\nf 2 3 4\n\
+                    o c\nf 2 4 2\n";
+        for part in [1, usize::MAX] {
+            let (groups, notes) = read_in_parts(text, part, &[]);
+            assert_eq!(groups[0].colors, [[0.1, 0.2, 0.3], WHITE, [0.7, 0.8, 0.9]]);
+            assert_eq!(groups[1].colors, [WHITE, [0.7, 0.8, 0.9], WHITE]);
+            assert_eq!(groups[2].colors, [[0.0; 3]; 0]);
+            assert!(groups.iter().all(|group| group.normals.is_empty()));
+            let notes: Vec<String> = notes.list(None);
+            let wanted = [
+                "line 6: colours of `a`: some vertices have none and are white",
+                "line 6: normals of `a`: some corners have none",
+                "line 8: colours of `b`: some vertices have none and are white",
+            ];
+            assert_eq!(notes, wanted);
         }
-        assert!(read_in_parts(b"v 0 0 \xFF\n", 1, &[]).is_none());
     }
 }

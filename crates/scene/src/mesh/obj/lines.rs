@@ -1,0 +1,335 @@
+//! Reads the lines of a part of a Wavefront OBJ file.
+
+use std::borrow::Cow;
+use std::collections::HashMap;
+use std::ops::ControlFlow;
+
+use crate::mesh::obj::notes::Notes;
+use crate::mesh::obj::text::{self, Words, number, numbers};
+
+/// No texture coordinate, no normal, no vertex.
+pub(super) const NONE: u32 = u32::MAX;
+
+/// A vertex of a group: the indices of its attributes.
+#[derive(Clone, Copy)]
+pub(super) struct Corner {
+    pub position: u32,
+    pub texcoord: u32,
+    pub normal: u32,
+}
+
+/// Values of lines, in their order.
+#[derive(Default)]
+pub(super) struct Values {
+    pub positions: Vec<[f32; 3]>,
+    /// The colours of the first positions; empty where none has one.
+    pub colors: Vec<Option<[f32; 3]>>,
+    pub texcoords: Vec<[f32; 2]>,
+    pub normals: Vec<[f32; 3]>,
+}
+
+impl Values {
+    /// Numbers of positions, texture coordinates and normals.
+    pub(super) fn counts(&self) -> [usize; 3] {
+        [self.positions.len(), self.texcoords.len(), self.normals.len()]
+    }
+
+    /// Adds the values behind these.
+    pub(super) fn append(&mut self, other: Self) {
+        if !other.colors.is_empty() {
+            self.colors.resize(self.positions.len(), None);
+            self.colors.extend(other.colors);
+        }
+        self.positions.extend(other.positions);
+        self.texcoords.extend(other.texcoords);
+        self.normals.extend(other.normals);
+    }
+}
+
+/// The faces of a part of a file.
+#[derive(Default)]
+pub(super) struct Faces {
+    /// The corners of all faces.
+    pub corners: Vec<Corner>,
+    /// The number of corners of each face.
+    pub counts: Vec<u32>,
+    pub changes: Vec<Change>,
+    /// Numbers of positions, texture coordinates and normals that the corners need.
+    pub needed: [usize; 3],
+}
+
+/// A line after which faces belong to another group.
+pub(super) struct Change {
+    /// Number of faces of the part before it.
+    pub faces: usize,
+    pub line: usize,
+    pub to: ChangeTo,
+}
+
+pub(super) enum ChangeTo {
+    /// A group of this name.
+    Name(String),
+    /// A material, by its place among all.
+    Material(Option<usize>),
+}
+
+/// Where a part of a file is.
+#[derive(Clone, Copy)]
+pub(super) struct PartPlace {
+    /// The number of its first line.
+    pub line: usize,
+    /// Numbers of positions, texture coordinates and normals before it.
+    pub before: [usize; 3],
+}
+
+/// What all parts of a file share.
+pub(super) struct FileContext<'f> {
+    /// Numbers of positions, texture coordinates and normals of the file.
+    pub totals: [usize; 3],
+    /// The places of the materials by their names.
+    pub materials: HashMap<&'f str, usize>,
+}
+
+/// A line that cannot be read, without which the numbers of others have no meaning.
+#[derive(Debug)]
+pub(super) struct BrokenLine {
+    pub line: usize,
+    pub message: String,
+}
+
+/// The content of the lines of a part of a file.
+pub(super) struct Lines<'f> {
+    context: &'f FileContext<'f>,
+    before: [usize; 3],
+    pub values: Values,
+    pub faces: Faces,
+    pub notes: Notes,
+}
+
+impl<'f> Lines<'f> {
+    /// Reads the lines of a part.
+    pub(super) fn of(
+        bytes: &[u8],
+        place: PartPlace,
+        context: &'f FileContext<'f>,
+    ) -> Result<Self, BrokenLine> {
+        let (values, faces) = (Values::default(), Faces::default());
+        let mut own = Self { context, before: place.before, values, faces, notes: Notes::default() };
+        let end = text::statements(bytes, place.line, |line, text| match own.read(line, Words(text)) {
+            Ok(()) => ControlFlow::Continue(()),
+            Err(message) => ControlFlow::Break(BrokenLine { line, message }),
+        });
+        end.break_value().map_or(Ok(own), Err)
+    }
+
+    #[inline]
+    fn read(&mut self, line: usize, mut words: Words<'_>) -> Result<(), String> {
+        match words.next().unwrap_or_default() {
+            b"v" => self.position(line, words)?,
+            b"vt" => self.values.texcoords.push(texcoord(words)?),
+            b"vn" => self.values.normals.push(numbers(&mut words)?),
+            b"f" => self.face(line, words)?,
+            b"o" | b"g" => {
+                let name = words.name();
+                let name = if name.is_empty() { Cow::Borrowed(UNNAMED) } else { name };
+                self.change(line, ChangeTo::Name(name.into_owned()));
+            }
+            b"usemtl" => {
+                let material = self.context.materials.get(&*words.name());
+                self.change(line, ChangeTo::Material(material.copied()));
+            }
+            b"l" => self.notes.add(line, "a line (`l`)"),
+            b"p" => self.notes.add(line, "a point (`p`)"),
+            // Others read material libraries; shading groups and display attributes change no
+            // triangle.
+            b"" | b"mtllib" | b"s" | b"mg" | b"bevel" | b"c_interp" | b"d_interp" | b"lod" => {}
+            other => self.notes.add(line, format!("`{}`", text::shown(other))),
+        }
+        Ok(())
+    }
+
+    fn change(&mut self, line: usize, to: ChangeTo) {
+        self.faces.changes.push(Change { faces: self.faces.counts.len(), line, to });
+    }
+
+    /// Reads a position and its colour. A fourth number without others is the weight of a curve.
+    fn position(&mut self, line: usize, mut words: Words<'_>) -> Result<(), String> {
+        self.values.positions.push(numbers(&mut words)?);
+        if words.0.trim_ascii_start().is_empty() {
+            return Ok(());
+        }
+        let mut color = [0.0; 3];
+        let mut count = 0;
+        for (at, word) in words.enumerate() {
+            count = at + 1;
+            match (number(word), color.get_mut(at)) {
+                (Ok(number), Some(channel)) => *channel = number,
+                (Ok(_), None) => {}
+                (Err(_), _) => {
+                    self.notes.add(line, "words behind a position");
+                    return Ok(());
+                }
+            }
+        }
+        match count {
+            0 | 1 => {}
+            2 => self.notes.add(line, "two numbers behind a position: a colour has three"),
+            _ => {
+                let colors = &mut self.values.colors;
+                colors.resize(self.values.positions.len() - 1, None);
+                colors.push(Some(color));
+            }
+        }
+        Ok(())
+    }
+
+    fn face(&mut self, line: usize, words: Words<'_>) -> Result<(), String> {
+        let first = self.faces.corners.len();
+        for word in words {
+            let corner = self.corner(word)?;
+            self.faces.corners.push(corner);
+        }
+        let count = self.faces.corners.len() - first;
+        if count < 3 {
+            self.faces.corners.truncate(first);
+            self.notes.add(line, "a face of fewer than three corners");
+        } else {
+            let count = u32::try_from(count).map_err(|_| "the face has too many corners")?;
+            self.faces.counts.push(count);
+        }
+        Ok(())
+    }
+
+    /// Reads a corner, `position[/texcoord[/normal]]`.
+    #[inline]
+    fn corner(&mut self, word: &[u8]) -> Result<Corner, String> {
+        let mut indices = [NONE; 3];
+        let counts = self.values.counts();
+        let mut rest = word;
+        for at in 0..3 {
+            let end = rest.iter().position(|byte| *byte == b'/').unwrap_or(rest.len());
+            let (digits, behind) = rest.split_at(end);
+            if !digits.is_empty() || at == 0 {
+                let (known, total) = (self.before[at] + counts[at], self.context.totals[at]);
+                let Some(index) = index_of(digits, known, total) else {
+                    return Err(wrong_index(word, digits, at, known, total));
+                };
+                let needed = &mut self.faces.needed[at];
+                *needed = (index as usize + 1).max(*needed);
+                indices[at] = index;
+            }
+            let Some((_, behind)) = behind.split_first() else {
+                let [position, texcoord, normal] = indices;
+                return Ok(Corner { position, texcoord, normal });
+            };
+            rest = behind;
+        }
+        Err(format!("`{}` has more than three indices", text::shown(word)))
+    }
+}
+
+/// The name of faces before the first `o` or `g`.
+pub(super) const UNNAMED: &str = "unnamed_object";
+
+/// Reads a texture coordinate, whose second number may be left out.
+fn texcoord(mut words: Words<'_>) -> Result<[f32; 2], String> {
+    let [u] = numbers(&mut words)?;
+    let v = words.next().map_or(Ok(0.0), number)?;
+    Ok([u, v])
+}
+
+/// An index, counted from 0, among the elements of a file: written from 1 on, or from the last one
+/// that is known backwards from -1 on.
+#[inline]
+fn index_of(digits: &[u8], known: usize, total: usize) -> Option<u32> {
+    let (is_negative, value) = match digits {
+        [b'-', value @ ..] => (true, value),
+        value => (false, value),
+    };
+    let mut number = 0_usize;
+    for byte in value {
+        let digit = byte.wrapping_sub(b'0');
+        if digit > 9 {
+            return None;
+        }
+        // What is too large for any file stays so.
+        number = number.saturating_mul(10).saturating_add(digit.into());
+    }
+    let found = if is_negative { known.checked_sub(number)? } else { number.checked_sub(1)? };
+    (number > 0 && found < total && found < NONE as usize).then_some(found as u32)
+}
+
+/// The message for a corner whose index cannot be read.
+#[cold]
+fn wrong_index(corner: &[u8], digits: &[u8], kind: usize, known: usize, total: usize) -> String {
+    let value = digits.strip_prefix(b"-").unwrap_or(digits);
+    let (is_negative, shown) = (value.len() < digits.len(), text::shown(digits));
+    if digits.is_empty() {
+        return format!("`{}` has no position", text::shown(corner));
+    }
+    if value.is_empty() || !value.iter().all(u8::is_ascii_digit) {
+        return format!("`{shown}` is not an index");
+    }
+    let (what, word) = [("position", "v"), ("texture coordinate", "vt"), ("normal", "vn")][kind];
+    let count = if is_negative { known } else { total };
+    let place = if is_negative { "before this line" } else { "in the file" };
+    format!("no {what} has the index {shown}: there are {count} lines of `{word}` {place}, counted from 1")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read<'f>(text: &str, context: &'f FileContext<'f>) -> Result<Lines<'f>, BrokenLine> {
+        Lines::of(text.as_bytes(), PartPlace { line: 1, before: [0; 3] }, context)
+    }
+
+    fn context(totals: [usize; 3]) -> FileContext<'static> {
+        FileContext { totals, materials: HashMap::new() }
+    }
+
+    #[test]
+    fn broken_lines_have_a_number_and_a_cause() {
+        let context = context([3, 1, 1]);
+        let points = "v 0 0 0\nv 1 0 0\nv 1 1 0\nvt 0 \\\n0\nvn 0 0 1\n";
+        for (line, message) in [
+            ("v 0 0", "3 numbers expected, but 2 found"),
+            ("v 0 0 # 0", "3 numbers expected, but 2 found"),
+            ("v 0 x 0", "`x` is not a number"),
+            ("vt", "a number is missing"),
+            ("vt 0 x", "`x` is not a number"),
+            ("vn 0 0", "3 numbers expected, but 2 found"),
+            ("f 1 2 4", "no position has the index 4: there are 3 lines of `v` in the file"),
+            ("f 0 1 2", "no position has the index 0"),
+            ("f -0 1 2", "no position has the index -0"),
+            ("f -4 1 2", "no position has the index -4: there are 3 lines of `v` before this line"),
+            ("f 1/2 2 3", "no texture coordinate has the index 2"),
+            ("f 1//-2 2 3", "no normal has the index -2"),
+            ("f 1/1/1/1 2 3", "`1/1/1/1` has more than three indices"),
+            ("f /1 2 3", "`/1` has no position"),
+            ("f 1 2 x", "`x` is not an index"),
+            ("f 1 2 -", "`-` is not an index"),
+            ("f 1 2 +3", "`+3` is not an index"),
+            ("f 1 2 99999999999999999999999", "no position has the index 99999999999999999999999"),
+        ] {
+            let error = read(&format!("{points}{line}\n"), &context).err().expect(line);
+            assert_eq!(error.line, 7, "{line}");
+            assert!(error.message.contains(message), "{line}: {}", error.message);
+        }
+    }
+
+    /// Lines that others read, and what they make of them.
+    #[test]
+    fn odd_lines_are_read() {
+        let context = context([4, 1, 0]);
+        let text = "v 0 0 0 1\nv 1 0 0 # here\nv 0 0 \\\n1\nv 1 2 3 .5 .25 1 9\nvt .5\nf -4/1 2/-1 3/1 # 4\nf 1 2#3\n";
+        let lines = read(text, &context).expect("lines");
+        assert_eq!(lines.values.positions, [[0., 0., 0.], [1., 0., 0.], [0., 0., 1.], [1., 2., 3.]]);
+        assert_eq!(lines.values.colors, [None, None, None, Some([0.5, 0.25, 1.0])]);
+        assert_eq!(lines.values.texcoords, [[0.5, 0.0]]);
+        let corners: Vec<_> =
+            lines.faces.corners.iter().map(|corner| (corner.position, corner.texcoord)).collect();
+        assert_eq!((corners, &lines.faces.counts[..]), (vec![(0, 0), (1, 0), (2, 0)], &[3][..]));
+        assert_eq!(lines.faces.needed, [3, 1, 0]);
+    }
+}
