@@ -209,8 +209,10 @@ pub(super) fn path_of_uri(uri: &str) -> String {
         }
     }
     let path = String::from_utf8_lossy(&bytes).into_owned();
-    let is_drive = path.get(2..3) == Some(":");
-    if is_drive { path[1..].to_owned() } else { path }
+    match path.strip_prefix('/').filter(|rest| rest.get(1..2) == Some(":")) {
+        Some(of_drive) => of_drive.to_owned(),
+        None => path,
+    }
 }
 
 impl Adapter {
@@ -265,5 +267,8 @@ mod tests {
         assert_eq!(path_of_uri("file:///C%3A/my%20shaders/a.rgen"), "C:/my shaders/a.rgen");
         assert_eq!(path_of_uri("file:///home/a%zz%"), "/home/a%zz%");
         assert_eq!(path_of_uri("/home/a"), "/home/a");
+        // A letter of two bytes in front of a colon is no drive.
+        assert_eq!(path_of_uri("file://\u{e9}:a"), "\u{e9}:a");
+        assert_eq!(path_of_uri("file:///%C3%A9:/a"), "/\u{e9}:/a");
     }
 }
