@@ -149,9 +149,9 @@ fn not_a_number(word: &[u8]) -> String {
 #[inline]
 pub(super) fn numbers<const N: usize>(words: &mut Words<'_>) -> Result<[f32; N], String> {
     let mut numbers = [0.0; N];
-    for at in 0..N {
+    for (at, found) in numbers.iter_mut().enumerate() {
         let Some(word) = words.next() else { return Err(missing_number(N, at)) };
-        numbers[at] = number(word)?;
+        *found = number(word)?;
     }
     Ok(numbers)
 }
