@@ -109,8 +109,9 @@ impl FileCameraEntry {
     }
 }
 
-/// A transform without scale, mirroring and shear, which do not count for cameras (glTF 2.0, 3.10.2):
-/// it keeps the direction of the z axis, and the plane of the y and z axes; `None` if these are flat.
+/// A transform without scale, mirroring and shear, which do not count for cameras (glTF 2.0,
+/// 3.10.2): it keeps the direction of the z axis, and the plane of the y and z axes; `None` if
+/// these are flat.
 fn without_scale(world: DMat4) -> Option<DMat4> {
     let [up, back] = [world.y_axis, world.z_axis].map(DVec4::truncate);
     let z = back.try_normalize()?;

@@ -46,7 +46,7 @@ impl Notes {
         other.0.into_iter().for_each(|kind| self.add_kind(kind));
     }
 
-    /// The notes in the order of their lines, which are those of the model's file or of another one.
+    /// The notes in the order of their lines, which are those of the model's file or of another.
     pub(super) fn list(mut self, other: Option<&Path>) -> Vec<String> {
         self.0.sort_by_key(|kind| kind.line);
         let note = |Kind { text, line, count }| {

@@ -38,8 +38,8 @@ fn sum(vectors: impl Iterator<Item = [f64; 3]>) -> [f64; 3] {
     vectors.fold([0.0; 3], |[x, y, z], [a, b, c]| [x + a, y + b, z + c])
 }
 
-/// Cuts ears off a polygon that its fan does not cover, seen along the axis that its normal is nearest to; `None`
-/// where that takes too long.
+/// Cuts ears off a polygon that its fan does not cover, seen along the axis that its normal is
+/// nearest to; `None` where that takes too long.
 ///
 /// A crate such as `earcut` leaves out corners on the line between their neighbours, which opens
 /// cracks to the polygons beside them; here they stay.

@@ -149,9 +149,9 @@ fn not_a_number(word: &[u8]) -> String {
 #[inline]
 pub(super) fn numbers<const N: usize>(words: &mut Words<'_>) -> Result<[f32; N], String> {
     let mut numbers = [0.0; N];
-    for (at, place) in numbers.iter_mut().enumerate() {
+    for (at, found) in numbers.iter_mut().enumerate() {
         let Some(word) = words.next() else { return Err(missing_number(N, at)) };
-        *place = number(word)?;
+        *found = number(word)?;
     }
     Ok(numbers)
 }
