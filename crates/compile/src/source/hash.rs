@@ -1,5 +1,7 @@
 //! The hash of a source with all that it includes.
 
+use std::borrow::Cow;
+
 use hmac_sha256::Hash as Sha256;
 
 use super::Source;
@@ -7,14 +9,22 @@ use super::Source;
 impl Source {
     /// SHA-256, in hexadecimal, of the text and of all the files that it includes.
     ///
-    /// A module is a function of this hash, the compiler's name and version, and the flags: the
-    /// three make the key of a cache. Line ends do not count, so that a checkout with CR LF hashes
-    /// alike.
+    /// A module is a function of this hash, the compiler's name and version, and the flags. Line
+    /// ends do not count, so that a checkout with CR LF hashes alike.
     #[must_use]
     pub fn content_hash(&self) -> String {
+        self.hash_of(|text| text.replace("\r\n", "\n").into())
+    }
+
+    /// SHA-256, in hexadecimal, of the text and of all the files that it includes, byte for byte.
+    pub(crate) fn exact_hash(&self) -> String {
+        self.hash_of(|text| text.into())
+    }
+
+    fn hash_of(&self, text_of: impl Fn(&str) -> Cow<'_, str>) -> String {
         let mut hasher = Sha256::new();
         for (name, text) in self.closure() {
-            let text = text.replace("\r\n", "\n");
+            let text = text_of(&text);
             // Lengths are hashed, too: otherwise text that moves between files would not change the
             // hash.
             for part in [name.as_bytes(), text.as_bytes()] {
@@ -51,6 +61,10 @@ mod tests {
         let first = hash();
         write("c.glsl", "#include \"sub/b.glsl\"\r\nconst int x = 1;\r\n");
         assert_eq!(hash(), first, "line ends count");
+        let exact = || Source::read_in(&folder, "a.rmiss").unwrap().exact_hash();
+        let with_carriage_returns = exact();
+        write("c.glsl", "#include \"sub/b.glsl\"\nconst int x = 1;\n");
+        assert_ne!(exact(), with_carriage_returns);
         write("c.glsl", "#include \"sub/b.glsl\"\nconst int x = 2;\n");
         assert_ne!(hash(), first, "an include of an include does not count");
         std::fs::remove_dir_all(&folder).unwrap();
