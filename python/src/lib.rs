@@ -12,6 +12,7 @@ mod numbers;
 mod outcome;
 mod payload;
 mod pipeline;
+mod run;
 mod scene;
 mod shader_test;
 mod stress;

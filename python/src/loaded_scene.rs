@@ -10,6 +10,7 @@ use crate::error::{invalid, raised};
 use crate::module::Module;
 use crate::outcome::{buffer_array, printed, stats, texels};
 use crate::pipeline::Pipeline;
+use crate::run::run;
 use crate::scene::Scene;
 use crate::value::to_python;
 
@@ -35,14 +36,13 @@ impl LoadedScene {
         py: Python<'_>,
         change: impl FnOnce(&mut anyhit::LoadedScene) -> anyhit::Result<()> + Send,
     ) -> PyResult<()> {
-        py.detach(|| {
+        run(py, || {
             let mut scene = self.scene.lock().unwrap_or_else(PoisonError::into_inner);
             let mut changed = (**scene).clone();
             change(&mut changed)?;
             *scene = Arc::new(changed);
             Ok(())
         })
-        .map_err(raised)
     }
 }
 
@@ -62,25 +62,25 @@ impl LoadedScene {
             (Some(width), Some(height)) => Some([width, height]),
             _ => return Err(invalid("a launch of another size needs both its width and its height")),
         };
-        let outcome = py.detach(|| match size {
+        let outcome = run(py, || match size {
             None => scene.launch(),
             Some(size) => (*scene).clone().set_launch_size(size)?.launch(),
-        });
-        Ok(SceneOutcome { outcome: outcome.map_err(raised)? })
+        })?;
+        Ok(SceneOutcome { outcome })
     }
 
     /// The pipeline of the scene, and a `Scene` of its first acceleration structure with everything
     /// that it binds: to trace rays of one's own with `Pipeline.trace`.
     fn pipeline(&self, py: Python<'_>) -> PyResult<(Pipeline, Scene)> {
         let scene = self.now();
-        let (pipeline, scene) = py.detach(|| scene.pipeline()).map_err(raised)?;
+        let (pipeline, scene) = run(py, || scene.pipeline())?;
         Ok((Pipeline { pipeline }, Scene { scene }))
     }
 
     /// The module of a shader, by its name below `[shaders]`.
     fn module(&self, py: Python<'_>, name: &str) -> PyResult<Module> {
         let scene = self.now();
-        Ok(Module { module: py.detach(|| scene.module(name)).map_err(raised)? })
+        Ok(Module { module: run(py, || scene.module(name))? })
     }
 
     /// Reads every file that the scene names, also those that nothing reads, which are otherwise
@@ -126,14 +126,14 @@ impl LoadedScene {
     /// Runs the passes under the sanitizer. Returns the reports of what it only warns of.
     fn sanitize(&self, py: Python<'_>) -> PyResult<Vec<String>> {
         let scene = self.now();
-        py.detach(|| scene.sanitize()).map(texts).map_err(raised)
+        run(py, || scene.sanitize()).map(texts)
     }
 
     /// Runs the passes once more for each of so many seeds, from which is drawn what the
     /// specifications leave open. Returns the reports of differences that are only warned of.
     fn many_seeds(&self, py: Python<'_>, seeds: u64) -> PyResult<Vec<String>> {
         let scene = self.now();
-        py.detach(|| scene.many_seeds(seeds)).map(texts).map_err(raised)
+        run(py, || scene.many_seeds(seeds)).map(texts)
     }
 
     /// Explains a pixel, or the `[[ray]]` with a name, as `anyhit trace-one-ray` prints it.
@@ -143,7 +143,7 @@ impl LoadedScene {
             PixelOrRay::Pixel(x, y) => ExplainRequest::from([x, y]),
             PixelOrRay::Ray(name) => ExplainRequest::from(&*name),
         };
-        py.detach(|| scene.explain(request)).map_err(raised)
+        run(py, || scene.explain(request))
     }
 }
 

@@ -7,7 +7,8 @@ use anyhit::Stage;
 use anyhit_engine::module::names::capability_name;
 use pyo3::prelude::*;
 
-use crate::error::{invalid, raised};
+use crate::error::invalid;
+use crate::run::run;
 
 /// A SPIR-V module.
 #[pyclass(frozen, module = "anyhit", from_py_object)]
@@ -22,14 +23,14 @@ impl Module {
     /// the language.
     #[staticmethod]
     fn open(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
-        let module = py.detach(|| anyhit::Module::open(path)).map_err(raised)?;
+        let module = run(py, || anyhit::Module::open(path))?;
         Ok(Self { module })
     }
 
     /// Reads the bytes of a SPIR-V module.
     #[staticmethod]
     fn from_spirv(py: Python<'_>, spirv: &[u8]) -> PyResult<Self> {
-        let module = py.detach(|| anyhit::Module::from_spirv(spirv)).map_err(raised)?;
+        let module = run(py, || anyhit::Module::from_spirv(spirv))?;
         Ok(Self { module })
     }
 
@@ -37,7 +38,7 @@ impl Module {
     /// "shade.slang", "shade.wgsl".
     #[staticmethod]
     fn from_source(py: Python<'_>, name: &str, text: &str) -> PyResult<Self> {
-        let module = py.detach(|| anyhit::Module::from_source(name, text)).map_err(raised)?;
+        let module = run(py, || anyhit::Module::from_source(name, text))?;
         Ok(Self { module })
     }
 
@@ -137,13 +138,13 @@ impl Program {
     pub(crate) fn of(py: Python<'_>, module: &Module, entry: &str, stage: Option<&str>) -> PyResult<Self> {
         let module = &module.module;
         let program = match stage {
-            None => py.detach(|| anyhit::Program::of(module, entry)),
+            None => run(py, || anyhit::Program::of(module, entry)),
             Some(stage) => {
                 let stage = self::stage(stage)?;
-                py.detach(|| anyhit::Program::with_stage(module, stage, entry))
+                run(py, || anyhit::Program::with_stage(module, stage, entry))
             }
         };
-        Ok(Self { program: Arc::new(program.map_err(raised)?) })
+        Ok(Self { program: Arc::new(program?) })
     }
 }
 
@@ -187,7 +188,6 @@ impl Shader {
                 "a module of {count} entry points: `anyhit.Program(module, name)` chooses one"
             )));
         };
-        let program = py.detach(|| anyhit::Program::with_stage(&module, only.stage, &only.name));
-        program.map(Arc::new).map_err(raised)
+        run(py, || anyhit::Program::with_stage(&module, only.stage, &only.name)).map(Arc::new)
     }
 }

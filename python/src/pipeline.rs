@@ -8,6 +8,7 @@ use crate::error::raised;
 use crate::module::Shader;
 use crate::outcome::Launched;
 use crate::payload;
+use crate::run::run;
 use crate::scene::Scene;
 use crate::trace::{RayArguments, Traced, trace};
 
@@ -119,7 +120,7 @@ impl Pipeline {
         depth: u32,
     ) -> PyResult<Launched> {
         let mut scene = scene.clone();
-        let launched = py.detach(|| self.pipeline.launch_mut(&mut scene.scene, [width, height, depth]));
-        Ok(Launched { launched: launched.map_err(raised)?, scene })
+        let launched = run(py, || self.pipeline.launch_mut(&mut scene.scene, [width, height, depth]))?;
+        Ok(Launched { launched, scene })
     }
 }

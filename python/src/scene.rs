@@ -17,6 +17,7 @@ use crate::loaded_scene::LoadedScene;
 use crate::module::Module;
 use crate::numbers::{Number, members};
 use crate::outcome::{buffer_array, texels};
+use crate::run::run;
 
 /// Instances in an acceleration structure, and what the shaders have bound. Methods that bind
 /// return a scene that shares the rest; what shaders write is in what a launch or trace returns.
@@ -38,21 +39,21 @@ impl Scene {
             invalid(format!("there is no precision `{precision}`: it is exact, double or float"))
         })?;
         let instances = instances.into_iter().map(|one| one.instance);
-        let made = py.detach(|| Ok(anyhit::Scene::new(instances)?.precision(precision)));
-        Ok(Self { scene: made.map_err(raised)? })
+        let scene = run(py, || Ok(anyhit::Scene::new(instances)?.precision(precision)))?;
+        Ok(Self { scene })
     }
 
     /// Reads a scene file with everything that it names.
     #[staticmethod]
     fn open(py: Python<'_>, path: PathBuf) -> PyResult<LoadedScene> {
-        py.detach(|| anyhit::LoadedScene::open(path)).map(LoadedScene::new).map_err(raised)
+        run(py, || anyhit::LoadedScene::open(path)).map(LoadedScene::new)
     }
 
     /// Reads a scene from a text; its relative paths start at the folder of `path`, which need not
     /// exist.
     #[staticmethod]
     fn from_text(py: Python<'_>, path: PathBuf, text: &str) -> PyResult<LoadedScene> {
-        py.detach(|| anyhit::LoadedScene::from_text(path, text)).map(LoadedScene::new).map_err(raised)
+        run(py, || anyhit::LoadedScene::from_text(path, text)).map(LoadedScene::new)
     }
 
     /// Binds the scene's own acceleration structure, for shaders that trace.

@@ -12,6 +12,7 @@ use crate::module::{Module, Program};
 use crate::numbers::{F32, Member, Plain, members, nested};
 use crate::outcome::ShaderOutcome;
 use crate::payload;
+use crate::run::{interruptible, run};
 use crate::scene::{buffer_bytes, filled, image};
 use crate::value::to_python;
 
@@ -41,7 +42,7 @@ impl ShaderTest {
     #[pyo3(signature = (module, entry="main", stage=None))]
     fn new(py: Python<'_>, module: &Module, entry: &str, stage: Option<&str>) -> PyResult<Self> {
         let test = match stage {
-            None => py.detach(|| anyhit::ShaderTest::new(&module.module, entry)).map_err(raised)?,
+            None => run(py, || anyhit::ShaderTest::new(&module.module, entry))?,
             Some(_) => {
                 let program = Program::of(py, module, entry, stage)?.program;
                 anyhit::ShaderTest::of(program).map_err(raised)?
@@ -170,8 +171,7 @@ impl ShaderTest {
 
     /// Runs the shader once.
     fn run(&self, py: Python<'_>) -> PyResult<ShaderOutcome> {
-        let run = || self.test.clone().run();
-        match py.detach(run) {
+        match interruptible(py, || self.test.clone().run())? {
             Ok(outcome) => Ok(ShaderOutcome { outcome }),
             Err(error) => Err(self.raised(error)),
         }
@@ -179,8 +179,7 @@ impl ShaderTest {
 
     /// Runs the shader once under the sanitizer. Returns the reports of what it only warns of.
     fn sanitize(&self, py: Python<'_>) -> PyResult<Vec<String>> {
-        let run = || self.test.clone().sanitize();
-        match py.detach(run) {
+        match interruptible(py, || self.test.clone().sanitize())? {
             Ok(warnings) => Ok(warnings.iter().map(anyhit::Error::render).collect()),
             Err(error) => Err(self.raised(error)),
         }

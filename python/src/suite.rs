@@ -12,7 +12,7 @@ use anyhit_scene::SceneFiles;
 use pyo3::exceptions::PyIndexError;
 use pyo3::prelude::*;
 
-use crate::error::raised;
+use crate::run::run;
 
 /// The tests of a scene file, or of a folder: its launch, and each of its rays that expects
 /// something.
@@ -26,13 +26,13 @@ impl Suite {
     /// Finds the tests of a `scene.toml`, a `*.test.toml`, or all beneath a folder.
     #[new]
     fn new(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
-        let found = py.detach(|| {
+        let suite = run(py, || {
             suite::Suite::find_within(&[path], &|file, tree| {
                 let root = Some(RootFolder::of_test(file, tree)?);
                 Ok(SceneFiles { root, ..SceneFiles::default() })
             })
-        });
-        Ok(Self { suite: found.map_err(raised)? })
+        })?;
+        Ok(Self { suite })
     }
 
     /// The names of the tests, in order.
@@ -72,7 +72,7 @@ impl Suite {
             pictures: pictures.unwrap_or_else(|| std::env::temp_dir().join("anyhit-test")),
             ..SuiteOptions::default()
         };
-        let result = py.detach(|| {
+        let (outcome, text) = run(py, || {
             let mut found = None;
             one.run(&options, &mut |finished, test| {
                 let outcome = match &finished.outcome {
@@ -85,8 +85,7 @@ impl Suite {
                 Ok(())
             })?;
             Ok(found.unwrap_or_default())
-        });
-        let (outcome, text) = result.map_err(raised)?;
+        })?;
         Ok(Finished { outcome: outcome.to_owned(), text })
     }
 }

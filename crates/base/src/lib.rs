@@ -16,4 +16,6 @@ pub mod atomic_file;
 pub mod error;
 pub mod escape;
 pub mod input;
+pub mod interrupt;
 pub mod sorted;
+pub mod threads;

@@ -7,8 +7,8 @@ use crate::expect::PictureDifference;
 use crate::observe::fresh_resources;
 use crate::pixel_cost::{Heat, HeatMeasure};
 use anyhit_base::error::Result;
+use anyhit_base::threads::map_on_threads;
 use anyhit_debugger::{ExplainRequest, Session};
-use anyhit_engine::pipeline::map_on_threads;
 use anyhit_explain::render::{self, RenderOptions};
 
 /// Pictures of at most so many pixels have all of them explained.

@@ -13,9 +13,9 @@ use std::path::Path;
 use crate::read::Named;
 use anyhit_base::atomic_file::{self, AtomicFile};
 use anyhit_base::error::{Error, ErrorKind, Result, feature_note};
+use anyhit_base::threads::map_on_threads;
 use anyhit_engine::machine;
 use anyhit_engine::machine::format::{Class, Component, Format};
-use anyhit_engine::pipeline::map_on_threads;
 
 /// GLSL's names of image formats in small letters; `srgb8_alpha8` as in OpenGL.
 impl Named for Format {
