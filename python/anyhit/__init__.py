@@ -6,6 +6,8 @@ possible. Errors are exceptions (``anyhit.Error``), a shader that misbehaves rai
 """
 
 from ._anyhit import (
+    ComputeOutcome,
+    ComputeTest,
     EntryPoint,
     Finished,
     Hit,
@@ -13,9 +15,11 @@ from ._anyhit import (
     Launched,
     LoadedScene,
     Module,
+    ModuleBinding,
     Pipeline,
     Program,
     Ray,
+    Sampler,
     Scene,
     SceneOutcome,
     ShaderOutcome,
@@ -37,6 +41,7 @@ from .errors import (
     InvalidRecording,
     InvalidScene,
     InvalidSource,
+    InvalidType,
     IoError,
     Trap,
     UnsupportedFile,
@@ -45,6 +50,8 @@ from .errors import (
 )
 
 __all__ = [
+    "ComputeOutcome",
+    "ComputeTest",
     "EntryPoint",
     "Error",
     "Expectation",
@@ -59,13 +66,16 @@ __all__ = [
     "InvalidRecording",
     "InvalidScene",
     "InvalidSource",
+    "InvalidType",
     "IoError",
     "Launched",
     "LoadedScene",
     "Module",
+    "ModuleBinding",
     "Pipeline",
     "Program",
     "Ray",
+    "Sampler",
     "Scene",
     "SceneOutcome",
     "ShaderOutcome",

@@ -3,8 +3,12 @@
 //!
 //! Names are those of the crate. What its public face lacks is taken from the crates below it.
 
+mod argument;
 mod array;
+mod compute_test;
+mod dtype;
 mod error;
+mod images;
 mod instance;
 mod loaded_scene;
 mod module;
@@ -12,13 +16,17 @@ mod numbers;
 mod outcome;
 mod payload;
 mod pipeline;
+mod place;
 mod run;
+mod sampler;
 mod scene;
 mod shader_test;
 mod stress;
 mod suite;
 mod trace;
+mod used;
 mod value;
+mod words;
 
 use pyo3::prelude::*;
 
@@ -28,15 +36,19 @@ mod _anyhit {
     use pyo3::prelude::*;
 
     #[pymodule_export]
+    use crate::compute_test::{ComputeOutcome, ComputeTest};
+    #[pymodule_export]
     use crate::instance::{Hit, Instance, Ray};
     #[pymodule_export]
     use crate::loaded_scene::{LoadedScene, SceneOutcome};
     #[pymodule_export]
-    use crate::module::{EntryPoint, Module, Program};
+    use crate::module::{EntryPoint, Module, ModuleBinding, Program};
     #[pymodule_export]
     use crate::outcome::{Launched, ShaderOutcome};
     #[pymodule_export]
     use crate::pipeline::Pipeline;
+    #[pymodule_export]
+    use crate::sampler::Sampler;
     #[pymodule_export]
     use crate::scene::Scene;
     #[pymodule_export]

@@ -5,10 +5,13 @@ use std::sync::{Arc, Mutex, PoisonError};
 use anyhit::{Error, ExplainRequest};
 use pyo3::prelude::*;
 
+use crate::argument::{self, Bytes};
 use crate::array::{copied_rows, typed_bytes};
+use crate::dtype::buffer_array;
 use crate::error::{invalid, raised};
+use crate::images::texels;
 use crate::module::Module;
-use crate::outcome::{buffer_array, printed, stats, texels};
+use crate::outcome::{printed, stats};
 use crate::pipeline::Pipeline;
 use crate::run::run;
 use crate::scene::Scene;
@@ -55,7 +58,12 @@ impl LoadedScene {
     /// Runs the passes of the scene; with width and height of another launch than the file's.
     /// Buffers and images begin as the scene describes them.
     #[pyo3(signature = (width=None, height=None))]
-    fn launch(&self, py: Python<'_>, width: Option<u32>, height: Option<u32>) -> PyResult<SceneOutcome> {
+    fn launch(
+        &self,
+        py: Python<'_>,
+        #[pyo3(from_py_with = argument::some_width)] width: Option<u32>,
+        #[pyo3(from_py_with = argument::some_height)] height: Option<u32>,
+    ) -> PyResult<SceneOutcome> {
         let scene = self.now();
         let size = match (width, height) {
             (None, None) => None,
@@ -74,13 +82,17 @@ impl LoadedScene {
     fn pipeline(&self, py: Python<'_>) -> PyResult<(Pipeline, Scene)> {
         let scene = self.now();
         let (pipeline, scene) = run(py, || scene.pipeline())?;
-        Ok((Pipeline { pipeline }, Scene { scene }))
+        Ok((Pipeline { pipeline }, Scene::new(scene)))
     }
 
     /// The module of a shader, by its name below `[shaders]`.
-    fn module(&self, py: Python<'_>, name: &str) -> PyResult<Module> {
+    fn module(
+        &self,
+        py: Python<'_>,
+        #[pyo3(from_py_with = argument::name)] name: String,
+    ) -> PyResult<Module> {
         let scene = self.now();
-        Ok(Module { module: run(py, || scene.module(name))? })
+        Ok(Module { module: run(py, || scene.module(&name))? })
     }
 
     /// Reads every file that the scene names, also those that nothing reads, which are otherwise
@@ -92,9 +104,14 @@ impl LoadedScene {
     /// Replaces the content of a buffer, by the resource's name: an array of the buffer's size,
     /// C-contiguous, whose dtype and shape are compared with what the shaders declare; or `bytes`
     /// or an array of `uint8` of any size, which are not compared.
-    fn set_buffer(&self, py: Python<'_>, name: &str, data: &Bound<'_, PyAny>) -> PyResult<()> {
+    fn set_buffer(
+        &self,
+        py: Python<'_>,
+        #[pyo3(from_py_with = argument::name)] name: String,
+        data: &Bound<'_, PyAny>,
+    ) -> PyResult<()> {
         let bytes = typed_bytes("data", data)?;
-        self.change(py, |scene| scene.set_buffer_of(name, bytes).map(drop))
+        self.change(py, |scene| scene.set_buffer_of(&name, bytes).map(drop))
     }
 
     /// Replaces the push constants: an array, which is compared with what the shaders declare, or
@@ -105,7 +122,12 @@ impl LoadedScene {
     }
 
     /// Replaces the transform of an instance, by its `InstanceId`: (3, 4).
-    fn set_transform(&self, py: Python<'_>, instance: usize, matrix: &Bound<'_, PyAny>) -> PyResult<()> {
+    fn set_transform(
+        &self,
+        py: Python<'_>,
+        #[pyo3(from_py_with = argument::instance_index)] instance: usize,
+        matrix: &Bound<'_, PyAny>,
+    ) -> PyResult<()> {
         let rows = copied_rows::<4>("matrix", matrix, &[&[4]])?;
         let rows: [[f32; 4]; 3] =
             rows.try_into().map_err(|rows: Vec<_>| invalid(format!("matrix: {} rows, not 3", rows.len())))?;
@@ -114,13 +136,24 @@ impl LoadedScene {
 
     /// Replaces a shader, by its name below `[shaders]`, by a source text; the extension of
     /// `file_name` tells its language.
-    fn set_shader_source(&self, py: Python<'_>, name: &str, file_name: &str, text: &str) -> PyResult<()> {
-        self.change(py, |scene| scene.set_shader_source(name, file_name, text).map(drop))
+    fn set_shader_source(
+        &self,
+        py: Python<'_>,
+        #[pyo3(from_py_with = argument::name)] name: String,
+        #[pyo3(from_py_with = argument::file_name)] file_name: String,
+        #[pyo3(from_py_with = argument::text)] text: String,
+    ) -> PyResult<()> {
+        self.change(py, |scene| scene.set_shader_source(&name, &file_name, &text).map(drop))
     }
 
     /// Replaces a shader, by its name below `[shaders]`, by the bytes of a SPIR-V module.
-    fn set_shader_spirv(&self, py: Python<'_>, name: &str, spirv: &[u8]) -> PyResult<()> {
-        self.change(py, |scene| scene.set_shader_spirv(name, spirv).map(drop))
+    fn set_shader_spirv(
+        &self,
+        py: Python<'_>,
+        #[pyo3(from_py_with = argument::name)] name: String,
+        #[pyo3(from_py_with = argument::spirv)] spirv: Bytes,
+    ) -> PyResult<()> {
+        self.change(py, |scene| scene.set_shader_spirv(&name, &spirv.0).map(drop))
     }
 
     /// Runs the passes under the sanitizer. Returns the reports of what it only warns of.
@@ -131,7 +164,11 @@ impl LoadedScene {
 
     /// Runs the passes once more for each of so many seeds, from which is drawn what the
     /// specifications leave open. Returns the reports of differences that are only warned of.
-    fn many_seeds(&self, py: Python<'_>, seeds: u64) -> PyResult<Vec<String>> {
+    fn many_seeds(
+        &self,
+        py: Python<'_>,
+        #[pyo3(from_py_with = argument::seeds)] seeds: u64,
+    ) -> PyResult<Vec<String>> {
         let scene = self.now();
         run(py, || scene.many_seeds(seeds)).map(texts)
     }
@@ -177,14 +214,26 @@ impl SceneOutcome {
         printed(&self.outcome.printed)
     }
 
+    fn __eq__(&self, other: &Self) -> bool {
+        self.outcome == other.outcome
+    }
+
     /// An image, by the resource's name: an array of float32, (height, width, 4).
-    fn image<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyAny>> {
-        texels(py, &self.outcome.image(name).map_err(raised)?)
+    fn image<'py>(
+        &self,
+        py: Python<'py>,
+        #[pyo3(from_py_with = argument::name)] name: String,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        texels(py, &self.outcome.image(&name).map_err(raised)?)
     }
 
     /// A buffer by the names of its members.
-    fn buffer<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyAny>> {
-        to_python(py, &self.outcome.buffer(name).map_err(raised)?)
+    fn buffer<'py>(
+        &self,
+        py: Python<'py>,
+        #[pyo3(from_py_with = argument::name)] name: String,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        to_python(py, &self.outcome.buffer(&name).map_err(raised)?)
     }
 
     /// A buffer as an array of a dtype; of its bytes without one.
@@ -192,9 +241,9 @@ impl SceneOutcome {
     fn read_buffer<'py>(
         &self,
         py: Python<'py>,
-        name: &str,
+        #[pyo3(from_py_with = argument::name)] name: String,
         dtype: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        buffer_array(py, self.outcome.read_buffer::<u8>(name).map_err(raised)?, dtype)
+        buffer_array(py, self.outcome.read_buffer::<u8>(&name).map_err(raised)?, dtype, None)
     }
 }

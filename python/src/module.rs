@@ -3,15 +3,23 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use anyhit::Stage;
+use anyhit::{NestedScalars, Stage};
+use anyhit_engine::machine::Binding;
 use anyhit_engine::module::names::capability_name;
+use anyhit_engine::program::descriptors::declared;
+use anyhit_engine::program::struct_lookup::{DataBlock, find_block};
 use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyTuple};
 
-use crate::error::invalid;
+use crate::argument::{self, Argument, Bytes, wrong_class};
+use crate::dtype::of_block;
+use crate::error::{invalid, raised};
+use crate::numbers::nested;
+use crate::place::{Variable, split, variables};
 use crate::run::run;
 
 /// A SPIR-V module.
-#[pyclass(frozen, module = "anyhit", from_py_object)]
+#[pyclass(frozen, module = "anyhit")]
 #[derive(Clone)]
 pub(crate) struct Module {
     pub(crate) module: Arc<anyhit::Module>,
@@ -22,23 +30,27 @@ impl Module {
     /// Reads a SPIR-V file, or compiles a source of GLSL, Slang, HLSL or WGSL; the extension tells
     /// the language.
     #[staticmethod]
-    fn open(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
+    fn open(py: Python<'_>, #[pyo3(from_py_with = argument::path)] path: PathBuf) -> PyResult<Self> {
         let module = run(py, || anyhit::Module::open(path))?;
         Ok(Self { module })
     }
 
     /// Reads the bytes of a SPIR-V module.
     #[staticmethod]
-    fn from_spirv(py: Python<'_>, spirv: &[u8]) -> PyResult<Self> {
-        let module = run(py, || anyhit::Module::from_spirv(spirv))?;
+    fn from_spirv(py: Python<'_>, #[pyo3(from_py_with = argument::spirv)] spirv: Bytes) -> PyResult<Self> {
+        let module = run(py, || anyhit::Module::from_spirv(&spirv.0))?;
         Ok(Self { module })
     }
 
     /// Compiles a source text; the extension of the name tells its language: "shade.rchit",
     /// "shade.slang", "shade.wgsl".
     #[staticmethod]
-    fn from_source(py: Python<'_>, name: &str, text: &str) -> PyResult<Self> {
-        let module = run(py, || anyhit::Module::from_source(name, text))?;
+    fn from_source(
+        py: Python<'_>,
+        #[pyo3(from_py_with = argument::name)] name: String,
+        #[pyo3(from_py_with = argument::text)] text: String,
+    ) -> PyResult<Self> {
+        let module = run(py, || anyhit::Module::from_source(&name, &text))?;
         Ok(Self { module })
     }
 
@@ -76,6 +88,41 @@ impl Module {
         self.module.warnings.iter().map(ToString::to_string).collect()
     }
 
+    /// The resources that the entry points use, in the order of their bindings.
+    #[getter]
+    fn bindings(&self) -> Vec<ModuleBinding> {
+        let of = |variable: Variable| {
+            let Binding { set, binding } = variable.binding;
+            let types = declared(&self.module, variable.binding);
+            let ty = types.first().map_or("", |ty| ty.name()).to_owned();
+            ModuleBinding { name: variable.name, set, binding, ty }
+        };
+        variables(&self.module).into_iter().map(of).collect()
+    }
+
+    /// The dtype of a buffer, by the name of its variable or by set and binding: that of the
+    /// elements of a block that is an array, and of the whole block otherwise. The array without a
+    /// length that ends a block has `count` elements.
+    #[pyo3(signature = (set, binding=None, *, count=0))]
+    fn buffer_dtype<'py>(
+        &self,
+        py: Python<'py>,
+        set: &Bound<'py, PyAny>,
+        binding: Option<&Bound<'py, PyAny>>,
+        #[pyo3(from_py_with = argument::count)] count: usize,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let (place, _) = split(set, binding, None)?;
+        let Binding { set, binding } = place.binding([&*self.module])?;
+        let block = find_block(&self.module, DataBlock::Buffer(Binding { set, binding })).map_err(raised)?;
+        let block =
+            block.ok_or_else(|| invalid(format!("no buffer is declared at set {set}, binding {binding}")))?;
+        let (element, sides) = of_block(py, block, count)?;
+        match sides.is_empty() {
+            true => Ok(element),
+            false => py.import("numpy")?.call_method1("dtype", ((element, PyTuple::new(py, sides)?),)),
+        }
+    }
+
     fn __repr__(&self) -> String {
         let entries = self.module.entry_points.iter();
         let entries: Vec<_> = entries.map(|entry| format!("{} {}", entry.stage.name(), entry.name)).collect();
@@ -83,9 +130,50 @@ impl Module {
     }
 }
 
+impl Module {
+    /// The module with specialization constants of a dict, by their `SpecId`.
+    pub(crate) fn specialized(&self, constants: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
+        let Some(constants) = constants.filter(|given| !given.is_none()) else { return Ok(self.clone()) };
+        let constants =
+            constants.cast::<PyDict>().map_err(|_| wrong_class("specialization", "dict", constants))?;
+        let mut module = (*self.module).clone();
+        for (id, value) in constants {
+            let id = u32::of("a key of specialization", &id)?;
+            let NestedScalars::One(value) = nested("specialization", &value, 0)? else {
+                return Err(wrong_class(&format!("specialization[{id}]"), "a number", &value));
+            };
+            module.specialize(id, value).map_err(raised)?;
+        }
+        Ok(Self { module: Arc::new(module) })
+    }
+}
+
+/// A resource of a module: its name, set, binding and descriptor type.
+#[pyclass(frozen, eq, hash, get_all, module = "anyhit")]
+#[derive(Clone, PartialEq, Eq, Hash)]
+pub(crate) struct ModuleBinding {
+    /// The name of the variable.
+    name: String,
+    /// The descriptor set.
+    set: u32,
+    /// The binding.
+    binding: u32,
+    /// The descriptor type in the words of scene files: "storage_buffer".
+    #[pyo3(name = "type")]
+    ty: String,
+}
+
+#[pymethods]
+impl ModuleBinding {
+    fn __repr__(&self) -> String {
+        let Self { name, set, binding, ty } = self;
+        format!("ModuleBinding(name={name:?}, set={set}, binding={binding}, type={ty:?})")
+    }
+}
+
 /// An entry point: its name, and its stage in the specification's words.
-#[pyclass(frozen, eq, get_all, module = "anyhit")]
-#[derive(Clone, PartialEq)]
+#[pyclass(frozen, eq, hash, get_all, module = "anyhit")]
+#[derive(Clone, PartialEq, Eq, Hash)]
 pub(crate) struct EntryPoint {
     /// The name.
     name: String,
@@ -102,7 +190,7 @@ impl EntryPoint {
 
 /// A prepared entry point of a module. What the module breaks of the specification, and what is not
 /// supported, is an error here.
-#[pyclass(frozen, module = "anyhit", from_py_object)]
+#[pyclass(frozen, module = "anyhit")]
 #[derive(Clone)]
 pub(crate) struct Program {
     pub(crate) program: Arc<anyhit::Program>,
@@ -111,10 +199,20 @@ pub(crate) struct Program {
 #[pymethods]
 impl Program {
     /// The entry point with a name; with its stage, where several stages share the name.
+    /// `specialization` is a dict of constants by their `SpecId`.
     #[new]
-    #[pyo3(signature = (module, entry="main", stage=None))]
-    fn new(py: Python<'_>, module: &Module, entry: &str, stage: Option<&str>) -> PyResult<Self> {
-        Self::of(py, module, entry, stage)
+    #[pyo3(
+        signature = (module, entry="main".to_owned(), stage=None, *, specialization=None),
+        text_signature = "(module, entry='main', stage=None, *, specialization=None)"
+    )]
+    fn new(
+        py: Python<'_>,
+        #[pyo3(from_py_with = argument::module)] module: Module,
+        #[pyo3(from_py_with = argument::entry)] entry: String,
+        #[pyo3(from_py_with = argument::of_stage)] stage: Option<String>,
+        specialization: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        Self::of(py, &module.specialized(specialization)?, &entry, stage.as_deref())
     }
 
     /// The name of the entry point.
@@ -168,12 +266,21 @@ fn stage(name: &str) -> PyResult<Stage> {
 }
 
 /// What a pipeline takes for a shader: a `Program`, or a `Module` with a single entry point.
-#[derive(FromPyObject)]
 pub(crate) enum Shader {
     /// A program.
     Program(Program),
     /// A module whose only entry point is meant.
     Module(Module),
+}
+
+impl Argument for Shader {
+    fn of(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Self> {
+        match (given.cast::<Program>(), given.cast::<Module>()) {
+            (Ok(program), _) => Ok(Self::Program(program.get().clone())),
+            (_, Ok(module)) => Ok(Self::Module(module.get().clone())),
+            _ => Err(wrong_class(name, "anyhit.Program or anyhit.Module", given)),
+        }
+    }
 }
 
 impl Shader {

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use pyo3::prelude::*;
 
+use crate::argument;
 use crate::error::raised;
 use crate::module::Shader;
 use crate::outcome::Launched;
@@ -13,13 +14,7 @@ use crate::scene::Scene;
 use crate::trace::{RayArguments, Traced, trace};
 
 /// A hit group: one shader, or a list of closest-hit, any-hit and intersection shader.
-#[derive(FromPyObject)]
-pub(crate) enum HitGroup {
-    /// A shader by itself.
-    One(Shader),
-    /// Shaders of different stages.
-    Several(Vec<Shader>),
-}
+pub(crate) struct HitGroup(pub(crate) Vec<Shader>);
 
 /// Shaders, hit groups and the shader binding table.
 #[pyclass(frozen, module = "anyhit")]
@@ -36,24 +31,20 @@ impl Pipeline {
     #[pyo3(signature = (*, ray_generation=None, hit=Vec::new(), miss=Vec::new(), callable=Vec::new(), max_recursion=None, fuel=None))]
     fn new(
         py: Python<'_>,
-        ray_generation: Option<Shader>,
-        hit: Vec<HitGroup>,
-        miss: Vec<Shader>,
-        callable: Vec<Shader>,
-        max_recursion: Option<u32>,
-        fuel: Option<u64>,
+        #[pyo3(from_py_with = argument::ray_generation)] ray_generation: Option<Shader>,
+        #[pyo3(from_py_with = argument::hit_groups)] hit: Vec<HitGroup>,
+        #[pyo3(from_py_with = argument::miss)] miss: Vec<Shader>,
+        #[pyo3(from_py_with = argument::callable)] callable: Vec<Shader>,
+        #[pyo3(from_py_with = argument::max_recursion)] max_recursion: Option<u32>,
+        #[pyo3(from_py_with = argument::fuel)] fuel: Option<u64>,
     ) -> PyResult<Self> {
         let mut builder = anyhit::Pipeline::builder();
         if let Some(shader) = ray_generation {
             builder = builder.ray_generation(shader.program(py)?).map_err(raised)?;
         }
         for group in hit {
-            let shaders = match group {
-                HitGroup::One(shader) => vec![shader],
-                HitGroup::Several(shaders) => shaders,
-            };
             let programs: PyResult<Vec<_>> =
-                shaders.into_iter().map(|shader| shader.program(py).map(Arc::unwrap_or_clone)).collect();
+                group.0.into_iter().map(|shader| shader.program(py).map(Arc::unwrap_or_clone)).collect();
             builder = builder.hit(programs?).map_err(raised)?;
         }
         for shader in miss {
@@ -88,24 +79,24 @@ impl Pipeline {
     fn trace<'py>(
         &self,
         py: Python<'py>,
-        scene: &Scene,
+        #[pyo3(from_py_with = argument::scene)] scene: Scene,
         origins: &Bound<'py, PyAny>,
         directions: &Bound<'py, PyAny>,
         t_min: Option<&Bound<'py, PyAny>>,
         t_max: Option<&Bound<'py, PyAny>>,
-        flags: u32,
-        cull_mask: u32,
-        sbt_offset: u32,
-        sbt_stride: u32,
-        miss_index: u32,
+        #[pyo3(from_py_with = argument::flags)] flags: u32,
+        #[pyo3(from_py_with = argument::cull_mask)] cull_mask: u8,
+        #[pyo3(from_py_with = argument::sbt_offset)] sbt_offset: u32,
+        #[pyo3(from_py_with = argument::sbt_stride)] sbt_stride: u32,
+        #[pyo3(from_py_with = argument::miss_index)] miss_index: u32,
         time: Option<&Bound<'py, PyAny>>,
         payload: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Traced> {
         let operands = anyhit::RayOperands::from(anyhit::Ray::new([0.0; 3], [0.0; 3]));
-        let operands = operands.flags(anyhit::RayFlags(flags)).cull_mask(cull_mask);
+        let operands = operands.flags(anyhit::RayFlags(flags)).cull_mask(cull_mask.into());
         let operands = operands.sbt(sbt_offset, sbt_stride).miss(miss_index);
         let arguments = RayArguments { origins, directions, t_min, t_max, time, payload, operands };
-        trace(py, &self.pipeline, &scene.scene, &arguments)
+        trace(py, &self.pipeline, &scene.bound(&self.pipeline.programs)?, &arguments)
     }
 
     /// Runs the ray generation shader over a grid. What shaders write is in what is returned, whose
@@ -114,13 +105,19 @@ impl Pipeline {
     fn launch(
         &self,
         py: Python<'_>,
-        scene: &Scene,
-        width: u32,
-        height: u32,
-        depth: u32,
+        #[pyo3(from_py_with = argument::scene)] scene: Scene,
+        #[pyo3(from_py_with = argument::width)] width: u32,
+        #[pyo3(from_py_with = argument::height)] height: u32,
+        #[pyo3(from_py_with = argument::depth)] depth: u32,
     ) -> PyResult<Launched> {
-        let mut scene = scene.clone();
-        let launched = run(py, || self.pipeline.launch_mut(&mut scene.scene, [width, height, depth]))?;
-        Ok(Launched { launched, scene })
+        let mut scene = scene.bound(&self.pipeline.programs)?;
+        let launched = run(py, || self.pipeline.launch_mut(&mut scene, [width, height, depth]))?;
+        Ok(Launched { launched, programs: self.pipeline.programs.clone(), scene })
+    }
+
+    fn __repr__(&self) -> String {
+        let programs = self.pipeline.programs.iter();
+        let names: Vec<_> = programs.map(|one| format!("{} {}", one.stage.name(), one.name)).collect();
+        format!("<anyhit.Pipeline: {}>", names.join(", "))
     }
 }

@@ -2,18 +2,23 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
-use anyhit::{StructData, Value};
+use anyhit::{Descriptor, StructData, Value};
+use anyhit_engine::machine::Binding;
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
 
+use crate::argument::{self, Argument, wrong_class};
 use crate::error::{from_python, invalid, raised};
+use crate::images::{TexelArray, declared};
 use crate::instance::{Hit, Ray};
 use crate::module::{Module, Program};
-use crate::numbers::{F32, Member, Plain, members, nested};
+use crate::numbers::{Member, members, nested};
 use crate::outcome::ShaderOutcome;
 use crate::payload;
+use crate::place::{Place, split_with};
 use crate::run::{interruptible, run};
-use crate::scene::{buffer_bytes, filled, image};
+use crate::sampler::Sampler;
+use crate::scene::{buffer_bytes, filled};
+use crate::used::Use;
 use crate::value::to_python;
 
 /// A shader with everything that one invocation of it sees. Methods return a test that also has
@@ -25,105 +30,175 @@ pub(crate) struct ShaderTest {
     module: Module,
     /// Zeros of the payload that the shader takes.
     payload: Option<Value>,
+    program: Arc<anyhit::Program>,
     /// What a callback has raised, which `run` raises again.
     raised: Arc<Mutex<Option<PyErr>>>,
+    used: Use,
 }
 
 impl ShaderTest {
-    fn with(&self, change: impl FnOnce(anyhit::ShaderTest) -> anyhit::ShaderTest) -> Self {
-        Self { test: change(self.test.clone()), ..self.clone() }
+    fn with(
+        &self,
+        method: &'static str,
+        change: impl FnOnce(anyhit::ShaderTest) -> anyhit::ShaderTest,
+    ) -> Self {
+        Self { test: change(self.test.clone()), used: Use::of("ShaderTest", method), ..self.clone() }
+    }
+
+    fn binding(&self, place: &Place) -> PyResult<Binding> {
+        self.used.mark();
+        place.binding([&*self.module.module])
     }
 }
 
 #[pymethods]
 impl ShaderTest {
     /// The entry point of a module; with its stage, where several stages share the name.
+    /// `specialization` is a dict of constants by their `SpecId`.
     #[new]
-    #[pyo3(signature = (module, entry="main", stage=None))]
-    fn new(py: Python<'_>, module: &Module, entry: &str, stage: Option<&str>) -> PyResult<Self> {
-        let test = match stage {
-            None => run(py, || anyhit::ShaderTest::new(&module.module, entry))?,
-            Some(_) => {
-                let program = Program::of(py, module, entry, stage)?.program;
-                anyhit::ShaderTest::of(program).map_err(raised)?
-            }
+    #[pyo3(
+        signature = (module, entry="main".to_owned(), stage=None, *, specialization=None),
+        text_signature = "(module, entry='main', stage=None, *, specialization=None)"
+    )]
+    fn new(
+        py: Python<'_>,
+        #[pyo3(from_py_with = argument::module)] module: Module,
+        #[pyo3(from_py_with = argument::entry)] entry: String,
+        #[pyo3(from_py_with = argument::of_stage)] stage: Option<String>,
+        specialization: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let module = module.specialized(specialization)?;
+        let whole = match stage {
+            None => Some(run(py, || anyhit::ShaderTest::new(&module.module, &entry))?),
+            Some(_) => None,
         };
-        let payload = payload::of_program(&Program::of(py, module, entry, stage)?.program);
-        Ok(Self { test, module: module.clone(), payload, raised: Arc::default() })
+        let program = Program::of(py, &module, &entry, stage.as_deref())?.program;
+        let test = whole.map_or_else(|| anyhit::ShaderTest::of(program.clone()).map_err(raised), Ok)?;
+        let payload = payload::of_program(&program);
+        Ok(Self { test, module, payload, program, raised: Arc::default(), used: Use::free() })
     }
 
     /// What was hit, and by which ray: all builtins of a hit shader, and its hit attributes.
-    fn hit(&self, hit: &Hit) -> Self {
-        self.with(|test| test.hit(hit.hit.clone()))
+    fn hit(&self, #[pyo3(from_py_with = argument::hit)] hit: Hit) -> Self {
+        self.with("hit", |test| test.hit(hit.hit))
     }
 
     /// The ray of a miss shader, or of a hit shader whose builtins are all set by name.
-    fn ray(&self, ray: &Ray) -> Self {
-        self.with(|test| test.ray(ray.ray))
+    fn ray(&self, #[pyo3(from_py_with = argument::ray)] ray: Ray) -> Self {
+        self.with("ray", |test| test.ray(ray.ray))
     }
 
     /// Sets `LaunchIdKHR` and `LaunchSizeKHR`.
     #[pyo3(name = "launch")]
-    fn at_launch(&self, id: [u32; 3], size: [u32; 3]) -> Self {
-        self.with(|test| test.launch(id, size))
+    fn at_launch(
+        &self,
+        #[pyo3(from_py_with = argument::id)] id: [u32; 3],
+        #[pyo3(from_py_with = argument::size)] size: [u32; 3],
+    ) -> Self {
+        self.with("launch", |test| test.launch(id, size))
     }
 
     /// Sets a builtin by its name in SPIR-V, consistent with the rest or not: "HitKindKHR",
     /// "RayTmax". A number, or a list of them.
-    fn builtin(&self, name: &str, value: &Bound<'_, PyAny>) -> PyResult<Self> {
-        let value = nested(name, value, 0)?;
-        Ok(self.with(|test| test.builtin(name, value)))
+    fn builtin(
+        &self,
+        #[pyo3(from_py_with = argument::name)] name: String,
+        value: &Bound<'_, PyAny>,
+    ) -> PyResult<Self> {
+        let value = nested(&name, value, 0)?;
+        Ok(self.with("builtin", |test| test.builtin(&name, value)))
     }
 
     /// Sets the payload that the shader is given, or the callable data: a dict by the names of its
     /// members, of which those left out are zero.
     fn payload(&self, values: &Bound<'_, PyAny>) -> PyResult<Self> {
         let Some(shape) = &self.payload else {
-            return Err(invalid("the shader takes no payload"));
+            return Err(invalid("values: the shader takes no payload"));
         };
+        if values.is_none() {
+            return Err(wrong_class("values", "a dict, or a value where the payload is no struct", values));
+        }
         let members = members(shape, values)?;
-        Ok(self.with(|test| {
+        Ok(self.with("payload", |test| {
             members.into_iter().fold(test, |test, (path, value)| test.payload_member(&path, value))
         }))
     }
 
     /// Sets the hit attributes, in place of those of the hit.
-    fn attributes(&self, attributes: [F32; 2]) -> Self {
-        self.with(|test| test.attributes(&attributes.plain()))
+    fn attributes(&self, #[pyo3(from_py_with = argument::attributes)] attributes: [f32; 2]) -> Self {
+        self.with("attributes", |test| test.attributes(&attributes))
     }
 
     /// Sets the data of the shader record, by the names of its members.
-    fn shader_record(&self, values: &Bound<'_, PyDict>) -> PyResult<Self> {
-        let data = filled(StructData::shader_record(&self.module.module).map_err(raised)?, values)?;
-        Ok(self.with(|test| test.shader_record_data(&data)))
+    fn shader_record(&self, values: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let data = StructData::shader_record(&self.module.module).map_err(raised)?;
+        let data = filled(data, "values", values)?;
+        Ok(self.with("shader_record", |test| test.shader_record_data(&data)))
     }
 
     /// Sets the push constants, by the names of their members.
-    fn push_constants(&self, values: &Bound<'_, PyDict>) -> PyResult<Self> {
-        let data = filled(StructData::push_constants(&self.module.module).map_err(raised)?, values)?;
-        Ok(self.with(|test| test.push_constants_data(&data)))
+    fn push_constants(&self, values: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let data = StructData::push_constants(&self.module.module).map_err(raised)?;
+        let data = filled(data, "values", values)?;
+        Ok(self.with("push_constants", |test| test.push_constants_data(&data)))
     }
 
     /// Binds a storage or uniform buffer: an array, C-contiguous, whose dtype and shape are
     /// compared with what the shader declares; `bytes` or an array of `uint8`, which are not; or
     /// a dict by the names of its members.
-    fn buffer(&self, set: u32, binding: u32, data: &Bound<'_, PyAny>) -> PyResult<Self> {
-        let bytes = buffer_bytes(set, binding, data, Some(&self.module))?;
-        Ok(self.with(|test| test.buffer_of(set, binding, bytes)))
+    #[pyo3(signature = (set, binding=None, data=None))]
+    fn buffer(
+        &self,
+        set: &Bound<'_, PyAny>,
+        binding: Option<&Bound<'_, PyAny>>,
+        data: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let (place, data) = split_with("data", set, binding, data)?;
+        let at = self.binding(&place)?;
+        let bytes = buffer_bytes(at, data, &self.module)?;
+        Ok(self.with("buffer", |test| test.buffer_of(at.set, at.binding, bytes)))
     }
 
-    /// Binds a storage or sampled image of a format, which is the one that the shader declares: an
-    /// array (height, width, 4) of float32, or of uint32, int32, uint64 or int64 for a format of
-    /// such integers. The names of formats are GLSL's: `"rgba32f"`, `"rgba8"`, `"r32ui"`.
-    #[pyo3(signature = (set, binding, texels, format="rgba32f"))]
-    fn image(&self, set: u32, binding: u32, texels: &Bound<'_, PyAny>, format: &str) -> PyResult<Self> {
-        let image = image(texels, format)?;
-        Ok(self.with(|test| test.image(set, binding, image)))
+    /// Binds a storage or sampled image: an array (height, width, 4) of float32, or of uint32,
+    /// int32, uint64 or int64 for a shader that reads integers. It is stored in the format that the
+    /// shader declares, unless `format` names another: GLSL's `"rgba32f"`, `"rgba8"`, `"r32ui"`.
+    /// Images of other dimensions have their own axes; with a sampler it is a combined image
+    /// sampler.
+    #[pyo3(signature = (set, binding=None, texels=None, format=None, sampler=None))]
+    fn image(
+        &self,
+        set: &Bound<'_, PyAny>,
+        binding: Option<&Bound<'_, PyAny>>,
+        texels: Option<&Bound<'_, PyAny>>,
+        #[pyo3(from_py_with = argument::format)] format: Option<String>,
+        #[pyo3(from_py_with = argument::of_sampler)] sampler: Option<Sampler>,
+    ) -> PyResult<Self> {
+        let (place, texels) = split_with("texels", set, binding, texels)?;
+        let at = self.binding(&place)?;
+        let image = TexelArray::of(texels, format.as_deref())?.image(declared([&self.program], at))?;
+        Ok(self.with("image", |test| match sampler {
+            Some(sampler) => test.image_sampler(at.set, at.binding, image, sampler.sampler),
+            None => test.image(at.set, at.binding, image),
+        }))
+    }
+
+    /// Binds a sampler.
+    #[pyo3(signature = (set, binding=None, sampler=None))]
+    fn sampler(
+        &self,
+        set: &Bound<'_, PyAny>,
+        binding: Option<&Bound<'_, PyAny>>,
+        sampler: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let (place, sampler) = split_with("sampler", set, binding, sampler)?;
+        let sampler = Descriptor::Sampler(Arc::new(Sampler::of("sampler", sampler)?.sampler));
+        let at = self.binding(&place)?;
+        Ok(self.with("sampler", |test| test.descriptor(at.set, at.binding, sampler)))
     }
 
     /// Sets how many instructions the shader may execute.
-    fn fuel(&self, instructions: u64) -> Self {
-        self.with(|test| test.fuel(instructions))
+    fn fuel(&self, #[pyo3(from_py_with = argument::instructions)] instructions: u64) -> Self {
+        self.with("fuel", |test| test.fuel(instructions))
     }
 
     /// Answers the traces that the shader makes, in place of a scene: the callback sees a
@@ -141,7 +216,7 @@ impl ShaderTest {
             });
             write(&mut trace.payload, answered?)
         };
-        self.with(|test| test.on_trace(answer))
+        self.with("on_trace", |test| test.on_trace(answer))
     }
 
     /// Answers the callable shaders that the shader calls: the callback sees the SBT index and the
@@ -161,24 +236,30 @@ impl ShaderTest {
             });
             write(&mut call.data, answered?)
         };
-        self.with(|test| test.on_call(answer))
+        self.with("on_call", |test| test.on_call(answer))
     }
 
     /// Answers every report of an intersection shader with "rejected".
     fn reject_reports(&self) -> Self {
-        self.with(anyhit::ShaderTest::reject_reports)
+        self.with("reject_reports", anyhit::ShaderTest::reject_reports)
     }
 
     /// Runs the shader once.
     fn run(&self, py: Python<'_>) -> PyResult<ShaderOutcome> {
+        self.used.mark();
         match interruptible(py, || self.test.clone().run())? {
-            Ok(outcome) => Ok(ShaderOutcome { outcome }),
+            Ok(outcome) => Ok(ShaderOutcome { outcome, programs: [self.program.clone()] }),
             Err(error) => Err(self.raised(error)),
         }
     }
 
+    fn __repr__(&self) -> String {
+        format!("<anyhit.ShaderTest: {} {}>", self.program.stage.name(), self.program.name)
+    }
+
     /// Runs the shader once under the sanitizer. Returns the reports of what it only warns of.
     fn sanitize(&self, py: Python<'_>) -> PyResult<Vec<String>> {
+        self.used.mark();
         match interruptible(py, || self.test.clone().sanitize())? {
             Ok(warnings) => Ok(warnings.iter().map(anyhit::Error::render).collect()),
             Err(error) => Err(self.raised(error)),

@@ -11,6 +11,7 @@ use anyhit_stress::{StressCase, case};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
+use crate::argument;
 use crate::error::invalid;
 use crate::run::interruptible;
 
@@ -19,7 +20,12 @@ use crate::run::interruptible;
 /// which are made smaller: `number`, `family`, `what`, and `case`, a file that the stress tests
 /// replay. The counts of two ranges add up to those of both.
 #[pyfunction]
-pub(crate) fn stress(py: Python<'_>, seed: u64, first: u64, end: u64) -> PyResult<Bound<'_, PyDict>> {
+pub(crate) fn stress(
+    py: Python<'_>,
+    #[pyo3(from_py_with = argument::seed)] seed: u64,
+    #[pyo3(from_py_with = argument::first)] first: u64,
+    #[pyo3(from_py_with = argument::end)] end: u64,
+) -> PyResult<Bound<'_, PyDict>> {
     if first > end {
         return Err(invalid(format!("cases {first} to {end}: the first is beyond the last")));
     }
@@ -53,12 +59,15 @@ const ROUND: u64 = 1024;
 fn judge(seed: u64, mut cases: Range<u64>) -> (Tally, Vec<(u64, (StressCase, Failure))>) {
     let precision = Precision::Exact;
     let (mut total, mut wrong) = (Tally::default(), Vec::new());
-    let interrupt = Interrupt::current();
-    while !cases.is_empty() && !interrupt.as_ref().is_some_and(Interrupt::is_raised) {
+    let is_interrupted = || Interrupt::current().is_some_and(|interrupt| interrupt.is_raised());
+    while !cases.is_empty() && !is_interrupted() {
         let first = cases.start;
         cases.start = cases.end.min(first + ROUND);
         let judged = map_on_threads((cases.start - first) as usize, |at| {
             let number = first + at as u64;
+            if is_interrupted() {
+                return Ok(Tally::default());
+            }
             check_caught(&case(seed, number), precision)
                 .map_err(|_| (number, minimise(&case(seed, number), precision)))
         });

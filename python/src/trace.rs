@@ -67,6 +67,11 @@ impl Traced {
     fn __len__(&self, py: Python<'_>) -> PyResult<usize> {
         self.t.bind(py).len()
     }
+
+    fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
+        let hits: usize = self.hit.bind(py).call_method0("sum")?.extract()?;
+        Ok(format!("<anyhit.Traced: {} rays, {hits} hits>", self.__len__(py)?))
+    }
 }
 
 /// The number of rays that run one after the other, before another thread may take some.
@@ -155,7 +160,7 @@ impl Columns {
             payload,
             printed: self.printed,
             stats: stats(py, &self.stats)?.unbind(),
-            scene: Py::new(py, crate::scene::Scene { scene })?,
+            scene: Py::new(py, crate::scene::Scene::new(scene))?,
         })
     }
 }
