@@ -1,5 +1,16 @@
 from os import PathLike
-from typing import Any, Callable, Iterable, Literal, Mapping, Optional, Sequence, Union, final, overload
+from typing import (
+    Any,
+    Callable,
+    Iterable,
+    Literal,
+    Mapping,
+    Optional,
+    Sequence,
+    Union,
+    final,
+    overload,
+)
 
 import numpy as np
 import numpy.typing as npt
@@ -17,7 +28,7 @@ _Ints: TypeAlias = Union[Sequence[_Int], npt.NDArray[np.integer[Any]]]
 _Bytes: TypeAlias = Union[bytes, bytearray, memoryview]
 _Data: TypeAlias = Union[npt.NDArray[Any], _Bytes]
 _Members: TypeAlias = Mapping[str, Any]
-_Buffer: TypeAlias = Union[_Data, _Members]
+_Buffer: TypeAlias = Union[_Data, _Members, list[Any], tuple[Any, ...]]
 _Texels: TypeAlias = Union[
     npt.NDArray[np.float32],
     npt.NDArray[np.uint32],
@@ -226,11 +237,17 @@ class Scene:
     def from_text(path: _Path, text: str) -> LoadedScene: ...
     def bind(self, set: _Place, binding: Optional[_Int] = None) -> Scene: ...
     @overload
-    def buffer(self, set: _Int, binding: _Int, data: _Buffer, module: Optional[Module] = None) -> Scene: ...
+    def buffer(
+        self, set: _Int, binding: _Int, data: _Buffer, module: Optional[Module] = None
+    ) -> Scene: ...
     @overload
-    def buffer(self, set: str, binding: _Buffer, data: None = None, module: Optional[Module] = None) -> Scene: ...
+    def buffer(
+        self, set: str, binding: _Buffer, data: None = None, module: Optional[Module] = None
+    ) -> Scene: ...
     @overload
-    def buffer(self, set: str, binding: None = None, *, data: _Buffer, module: Optional[Module] = None) -> Scene: ...
+    def buffer(
+        self, set: str, binding: None = None, *, data: _Buffer, module: Optional[Module] = None
+    ) -> Scene: ...
     @overload
     def image(
         self,
@@ -265,8 +282,17 @@ class Scene:
     def sampler(self, set: str, binding: Sampler, sampler: None = None) -> Scene: ...
     @overload
     def sampler(self, set: str, binding: None = None, *, sampler: Sampler) -> Scene: ...
+    @overload
     def read_buffer(
-        self, set: _Place, binding: Optional[_Int] = None, dtype: Optional[npt.DTypeLike] = None
+        self, set: _Int, binding: _Int, dtype: Optional[npt.DTypeLike] = None
+    ) -> npt.NDArray[Any]: ...
+    @overload
+    def read_buffer(
+        self, set: str, binding: Optional[npt.DTypeLike] = None, dtype: None = None
+    ) -> npt.NDArray[Any]: ...
+    @overload
+    def read_buffer(
+        self, set: str, binding: None = None, *, dtype: npt.DTypeLike
     ) -> npt.NDArray[Any]: ...
     def read_image(self, set: _Place, binding: Optional[_Int] = None) -> npt.NDArray[Any]: ...
     def push_constants(self, module: Module, values: _Members) -> Scene: ...
@@ -343,8 +369,17 @@ class Launched:
     def scene(self) -> Scene: ...
     def image(self, set: _Place, binding: Optional[_Int] = None) -> npt.NDArray[Any]: ...
     def buffer(self, set: _Place, binding: Optional[_Int] = None) -> Any: ...
+    @overload
     def read_buffer(
-        self, set: _Place, binding: Optional[_Int] = None, dtype: Optional[npt.DTypeLike] = None
+        self, set: _Int, binding: _Int, dtype: Optional[npt.DTypeLike] = None
+    ) -> npt.NDArray[Any]: ...
+    @overload
+    def read_buffer(
+        self, set: str, binding: Optional[npt.DTypeLike] = None, dtype: None = None
+    ) -> npt.NDArray[Any]: ...
+    @overload
+    def read_buffer(
+        self, set: str, binding: None = None, *, dtype: npt.DTypeLike
     ) -> npt.NDArray[Any]: ...
     def __eq__(self, other: object, /) -> bool: ...
 
@@ -457,8 +492,17 @@ class ShaderOutcome:
     def printed(self) -> list[str]: ...
     def image(self, set: _Place, binding: Optional[_Int] = None) -> npt.NDArray[Any]: ...
     def buffer(self, set: _Place, binding: Optional[_Int] = None) -> Any: ...
+    @overload
     def read_buffer(
-        self, set: _Place, binding: Optional[_Int] = None, dtype: Optional[npt.DTypeLike] = None
+        self, set: _Int, binding: _Int, dtype: Optional[npt.DTypeLike] = None
+    ) -> npt.NDArray[Any]: ...
+    @overload
+    def read_buffer(
+        self, set: str, binding: Optional[npt.DTypeLike] = None, dtype: None = None
+    ) -> npt.NDArray[Any]: ...
+    @overload
+    def read_buffer(
+        self, set: str, binding: None = None, *, dtype: npt.DTypeLike
     ) -> npt.NDArray[Any]: ...
     def __eq__(self, other: object, /) -> bool: ...
     def explain(self) -> str: ...
@@ -552,8 +596,17 @@ class ComputeOutcome:
     def printed(self) -> list[tuple[list[int], str]]: ...
     def image(self, set: _Place, binding: Optional[_Int] = None) -> npt.NDArray[Any]: ...
     def buffer(self, set: _Place, binding: Optional[_Int] = None) -> Any: ...
+    @overload
     def read_buffer(
-        self, set: _Place, binding: Optional[_Int] = None, dtype: Optional[npt.DTypeLike] = None
+        self, set: _Int, binding: _Int, dtype: Optional[npt.DTypeLike] = None
+    ) -> npt.NDArray[Any]: ...
+    @overload
+    def read_buffer(
+        self, set: str, binding: Optional[npt.DTypeLike] = None, dtype: None = None
+    ) -> npt.NDArray[Any]: ...
+    @overload
+    def read_buffer(
+        self, set: str, binding: None = None, *, dtype: npt.DTypeLike
     ) -> npt.NDArray[Any]: ...
     def __eq__(self, other: object, /) -> bool: ...
 

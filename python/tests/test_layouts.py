@@ -189,7 +189,7 @@ def test_structs_of_numpy_are_values(module: anyhit.Module) -> None:
 
 
 def test_values_are_written_at_their_offsets(module: anyhit.Module) -> None:
-    data = {"count": 1, "sun": {"k": -2}, "m": np.arange(9).reshape(3, 3), "sizes": np.float16([0.5])}
+    data = {"count": 1, "sun": {"k": -2}, "m": np.arange(9).reshape(3, 3), "sizes": np.array([0.5], np.float16)}
     scene = anyhit.Scene([]).buffer(1, 0, data, module=module)
     content = scene.read_buffer(1, 0).tobytes()
     assert struct.unpack_from("<I", content, 0) == (1,)
