@@ -1,8 +1,8 @@
 //! The modules of a crate import one way only; between crates Cargo sees to that.
 //!
 //! The engine has the layers `pipeline -> interp -> program -> ops -> {module, machine -> accel} ->
-//! geometry -> math`, the base `{input, atomic_file} -> error -> {escape, sorted}`: a module may
-//! import what stands to its right. A few crates of others are named in one place only, readers of
+//! geometry -> math`, the base `{input, atomic_file} -> error -> {escape, sorted, threads} ->
+//! interrupt`: a module may import what stands to its right. A few crates of others are named in one place only, readers of
 //! files in one file, files are written in one place, and only the command line prints.
 
 use std::fs;
@@ -25,7 +25,7 @@ const LAYERS: &[(&str, &[&[&str]])] = &[
             &["math"],
         ],
     ),
-    ("base", &[&["input", "atomic_file"], &["error"], &["escape", "sorted"]]),
+    ("base", &[&["input", "atomic_file"], &["error"], &["escape", "sorted", "threads"], &["interrupt"]]),
 ];
 
 /// Crates of others, and what may name them: a module of a crate with layers, else one of our

@@ -139,7 +139,8 @@ def check(
     # An array without dimensions is its number.
     given = value.item() if isinstance(value, np.ndarray) and value.ndim == 0 else value
     # What has more digits than a float of Python is no number of a shader.
-    is_known = not isinstance(given, (np.longdouble, np.complexfloating, np.datetime64))
+    wider: tuple[Any, ...] = (np.longdouble, np.complexfloating, np.datetime64)
+    is_known = not isinstance(given, wider)
     wanted = rule(exact(given) if is_known else None, kind, width, is_buffer)
     # An integer beyond 127 bits is none.
     if isinstance(given, int) and not -(2**127) <= given < 2**127:

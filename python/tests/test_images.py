@@ -50,7 +50,7 @@ DTYPES: dict[str, Any] = {"f32": np.float32, "u32": np.uint32, "i32": np.int32}
 def test_texels_are_stored_in_the_format(name: str, ty: str, texel: str, expected: list[float]) -> None:
     module = anyhit.Module.from_source("store.wgsl", STORE % (name, ty, ty, texel, ty, texel))
     pipeline = anyhit.Pipeline(ray_generation=anyhit.Program(module, "store"))
-    texels = np.zeros((1, 2, 4), DTYPES[ty])
+    texels: Any = np.zeros((1, 2, 4), DTYPES[ty])
     scene = anyhit.Scene([]).image("picture", texels).buffer("read", np.zeros(4, DTYPES[ty]))
     launched = pipeline.launch(scene, 1)
     test = anyhit.ComputeTest(module, "stored").image(0, 0, texels).buffer(0, 1, np.zeros(4, DTYPES[ty]))

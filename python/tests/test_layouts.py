@@ -56,14 +56,14 @@ def module() -> anyhit.Module:
 
 
 def lights(dtype: Any, count: int = 3) -> Any:
-    array = np.zeros(count, dtype)
+    array: Any = np.zeros(count, dtype)
     array["c"] = [1, 2, 3]
     array["k"] = 10
     return array
 
 
 def launch(module: anyhit.Module, array: Any) -> Any:
-    single = np.zeros(1, LIGHT)
+    single: Any = np.zeros(1, LIGHT)
     single["p"] = [4, 0, 0]
     scene = anyhit.Scene([]).buffer(0, 0, array).buffer("sums", np.zeros(3, np.float32))
     scene = scene.buffer("two", np.array([[3, 0, 0, 0], [0, 5, 0, 0]], np.uint32)).buffer("single", single)
