@@ -5,10 +5,15 @@ Arrays are numpy's: what is many goes in and out as float32 and uint32, without 
 possible. Errors are exceptions (``anyhit.Error``), a shader that misbehaves raises ``anyhit.Trap``.
 """
 
+import os as _os
+import shutil as _shutil
+from importlib.util import find_spec as _find_spec
+
 from ._anyhit import (
     ComputeOutcome,
     ComputeTest,
     EntryPoint,
+    ExecuteCall,
     Finished,
     Hit,
     Instance,
@@ -49,11 +54,29 @@ from .errors import (
     UnsupportedTool,
 )
 
+
+
+def _find_slangc() -> None:
+    """Lets Slang sources be compiled by the slangc of an installed slangtorch, unless another one is
+    on PATH or named by the environment variable SLANGC."""
+    if _os.environ.get("SLANGC") or _shutil.which("slangc"):
+        return
+    spec = _find_spec("slangtorch")
+    for folder in spec.submodule_search_locations or [] if spec else []:
+        found = _shutil.which("slangc", path=_os.path.join(folder, "bin"))
+        if found:
+            _os.environ["SLANGC"] = found
+            return
+
+
+_find_slangc()
+
 __all__ = [
     "ComputeOutcome",
     "ComputeTest",
     "EntryPoint",
     "Error",
+    "ExecuteCall",
     "Expectation",
     "Finding",
     "Finished",

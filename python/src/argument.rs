@@ -122,13 +122,28 @@ impl<T: Argument> Argument for Option<T> {
     }
 }
 
+/// Objects of any class.
+pub(crate) struct Objects(pub(crate) Vec<Py<PyAny>>);
+
+impl Argument for Objects {
+    fn of(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let items = given.try_iter().ok().filter(|_| !is_whole(given));
+        let items = items.ok_or_else(|| wrong_class(name, "a list", given))?;
+        Ok(Self(items.map(|item| Ok(item?.unbind())).collect::<PyResult<_>>()?))
+    }
+}
+
+/// True for what is iterable and yet one object.
+fn is_whole(given: &Bound<'_, PyAny>) -> bool {
+    given.is_instance_of::<PyString>()
+        || given.is_instance_of::<PyBytes>()
+        || given.is_instance_of::<PyDict>()
+}
+
 /// A list of arguments, of any iterable but a text or a dict.
 impl<T: Argument> Argument for Vec<T> {
     fn of(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Self> {
-        let is_whole = given.is_instance_of::<PyString>()
-            || given.is_instance_of::<PyBytes>()
-            || given.is_instance_of::<PyDict>();
-        let items = given.try_iter().ok().filter(|_| !is_whole);
+        let items = given.try_iter().ok().filter(|_| !is_whole(given));
         let items = items.ok_or_else(|| match T::of(name, given) {
             // One in place of a list of one.
             Ok(_) => invalid_type(format!(
@@ -213,6 +228,9 @@ arguments! {
     attributes: [f32; 2],
     by: [f32; 3],
     callable: Vec<Shader>,
+    callable_records: Objects,
+    cluster_id: u32,
+    compiler_flags as flags: Vec<String>,
     count: usize,
     cull_mask: u8,
     custom_index: u32,
@@ -229,8 +247,10 @@ arguments! {
     fuel: Option<u64>,
     height: u32,
     hit: Hit,
+    hit_records: Objects,
     hit_groups as hit: Vec<HitGroup>,
     id: [u32; 3],
+    include_folders: Vec<PathBuf>,
     instance: Instance,
     instance_index as instance: usize,
     instances: Vec<Instance>,
@@ -242,6 +262,7 @@ arguments! {
     minimum: [f32; 3],
     miss: Vec<Shader>,
     miss_index: u32,
+    miss_records: Objects,
     module: Module,
     name: String,
     of_module as module: Option<Module>,

@@ -191,7 +191,7 @@ pub(crate) fn buffer_array<'py>(
     if let Some(dtype) = dtype {
         let dtype = py.import("numpy")?.call_method1("dtype", (dtype,))?;
         let size: usize = dtype.getattr("itemsize")?.extract()?;
-        if size == 0 || bytes.len() % size != 0 {
+        if size == 0 || !bytes.len().is_multiple_of(size) {
             let count = bytes.len();
             return Err(invalid(format!(
                 "dtype: {count} bytes are no whole number of {dtype}, of {size} bytes"

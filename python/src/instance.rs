@@ -2,7 +2,7 @@
 
 use std::hash::{DefaultHasher, Hash, Hasher};
 
-use anyhit::{EndCaps, GeometryData, GeometryFlags, Indexing, InstanceFlags, RayFlags};
+use anyhit::{EndCaps, GeometryData, GeometryFlags, Indexing, InstanceFlags, Motion, RayFlags};
 use numpy::PyUntypedArrayMethods;
 use pyo3::prelude::*;
 
@@ -175,10 +175,27 @@ impl Instance {
 
     /// Object to world: three rows of four numbers, (3, 4).
     fn transform(&self, matrix: &Bound<'_, PyAny>) -> PyResult<Self> {
-        let rows = copied_rows::<4>("matrix", matrix, &[&[4]])?;
-        let rows: [[f32; 4]; 3] =
-            rows.try_into().map_err(|rows: Vec<_>| invalid(format!("matrix: {} rows, not 3", rows.len())))?;
+        let rows = self::matrix("matrix", matrix)?;
         Ok(self.with("transform", |instance| instance.transform(rows)))
+    }
+
+    /// Moves it while the time of rays goes from 0 to 1: its transforms at both ends, (3, 4), in
+    /// place of a transform.
+    fn motion(&self, start: &Bound<'_, PyAny>, end: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let motion = Motion::Matrix([matrix("start", start)?, matrix("end", end)?]);
+        Ok(self.with("motion", |instance| instance.motion(motion)))
+    }
+
+    /// Sets where the vertices of its last geometry, triangles, are at time 1: (V, 3). Its own are
+    /// those of time 0.
+    fn vertices_t1(&self, vertices: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let vertices: Vec<[f32; 3]> = copied_rows("vertices", vertices, &[&[3], &[3, 3]])?;
+        Ok(self.with("vertices_t1", |instance| instance.vertices_t1(vertices)))
+    }
+
+    /// Sets the cluster of its last geometry.
+    fn cluster_id(&self, #[pyo3(from_py_with = argument::cluster_id)] cluster_id: u32) -> Self {
+        self.with("cluster_id", |instance| instance.cluster_id(cluster_id))
     }
 
     /// Moves it: adds to the last column of its transform.
@@ -205,6 +222,12 @@ impl Instance {
     fn flags(&self, #[pyo3(from_py_with = argument::flags)] flags: u32) -> Self {
         self.with("flags", |instance| instance.flags(InstanceFlags(flags)))
     }
+}
+
+/// A transform: three rows of four numbers.
+pub(crate) fn matrix(name: &str, given: &Bound<'_, PyAny>) -> PyResult<[[f32; 4]; 3]> {
+    let rows = copied_rows::<4>(name, given, &[&[4]])?;
+    rows.try_into().map_err(|rows: Vec<_>| invalid(format!("{name}: {} rows, not 3", rows.len())))
 }
 
 /// Radii: (N,), or a single number.

@@ -52,7 +52,7 @@ mod _anyhit {
     #[pymodule_export]
     use crate::scene::Scene;
     #[pymodule_export]
-    use crate::shader_test::{ShaderTest, TraceCall};
+    use crate::shader_test::{ExecuteCall, ShaderTest, TraceCall};
     #[pymodule_export]
     use crate::stress::stress;
     #[pymodule_export]

@@ -6,10 +6,11 @@ use anyhit::{Error, ExplainRequest};
 use pyo3::prelude::*;
 
 use crate::argument::{self, Bytes};
-use crate::array::{copied_rows, typed_bytes};
+use crate::array::typed_bytes;
 use crate::dtype::buffer_array;
 use crate::error::{invalid, raised};
 use crate::images::texels;
+use crate::instance::matrix as matrix_of;
 use crate::module::Module;
 use crate::outcome::{printed, stats};
 use crate::pipeline::Pipeline;
@@ -128,9 +129,7 @@ impl LoadedScene {
         #[pyo3(from_py_with = argument::instance_index)] instance: usize,
         matrix: &Bound<'_, PyAny>,
     ) -> PyResult<()> {
-        let rows = copied_rows::<4>("matrix", matrix, &[&[4]])?;
-        let rows: [[f32; 4]; 3] =
-            rows.try_into().map_err(|rows: Vec<_>| invalid(format!("matrix: {} rows, not 3", rows.len())))?;
+        let rows = matrix_of("matrix", matrix)?;
         self.change(py, |scene| scene.set_transform(instance, rows).map(drop))
     }
 

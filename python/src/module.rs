@@ -1,9 +1,10 @@
 //! Modules, and the programs that are made of their entry points.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use anyhit::{NestedScalars, Stage};
+use anyhit::{CompileOptions, DebugInfoLevel, InputLimits, NestedScalars, Source, Stage};
+use anyhit_compile::SourceWords;
 use anyhit_engine::machine::Binding;
 use anyhit_engine::module::names::capability_name;
 use anyhit_engine::program::descriptors::declared;
@@ -29,9 +30,19 @@ pub(crate) struct Module {
 impl Module {
     /// Reads a SPIR-V file, or compiles a source of GLSL, Slang, HLSL or WGSL; the extension tells
     /// the language.
+    /// Includes are also searched in `include_folders`; `flags` are those of scene files, such as
+    /// `-DCOUNT=3`.
     #[staticmethod]
-    fn open(py: Python<'_>, #[pyo3(from_py_with = argument::path)] path: PathBuf) -> PyResult<Self> {
-        let module = run(py, || anyhit::Module::open(path))?;
+    #[pyo3(signature = (path, *, include_folders=Vec::new(), flags=Vec::new()))]
+    fn open(
+        py: Python<'_>,
+        #[pyo3(from_py_with = argument::path)] path: PathBuf,
+        #[pyo3(from_py_with = argument::include_folders)] include_folders: Vec<PathBuf>,
+        #[pyo3(from_py_with = argument::compiler_flags)] flags: Vec<String>,
+    ) -> PyResult<Self> {
+        let words = SourceWords { include_folders, flags, ..SourceWords::default() };
+        let limits = InputLimits::default();
+        let (module, _) = run(py, || anyhit::Module::open_as(&path, &limits, None, &words))?;
         Ok(Self { module })
     }
 
@@ -43,14 +54,24 @@ impl Module {
     }
 
     /// Compiles a source text; the extension of the name tells its language: "shade.rchit",
-    /// "shade.slang", "shade.wgsl".
+    /// "shade.slang", "shade.wgsl". Includes are searched beside that name, then in
+    /// `include_folders`; `flags` are those of scene files, such as `-DCOUNT=3`.
     #[staticmethod]
+    #[pyo3(signature = (name, text, *, include_folders=Vec::new(), flags=Vec::new()))]
     fn from_source(
         py: Python<'_>,
         #[pyo3(from_py_with = argument::name)] name: String,
         #[pyo3(from_py_with = argument::text)] text: String,
+        #[pyo3(from_py_with = argument::include_folders)] include_folders: Vec<PathBuf>,
+        #[pyo3(from_py_with = argument::compiler_flags)] flags: Vec<String>,
     ) -> PyResult<Self> {
-        let module = run(py, || anyhit::Module::from_source(&name, &text))?;
+        let words = SourceWords { include_folders, flags, ..SourceWords::default() };
+        let module = run(py, || {
+            let source = Source::from_text(&*name, text)?;
+            let settings = words.settings(Path::new(&name))?.unwrap_or_default();
+            let options = settings.over(&CompileOptions::default().debug(DebugInfoLevel::Lines));
+            anyhit::Module::compile(&source.include_folders(&settings.include_folders), &options)
+        })?;
         Ok(Self { module })
     }
 

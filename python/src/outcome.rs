@@ -153,6 +153,19 @@ impl Launched {
     }
 }
 
+/// A report of an intersection shader.
+pub(crate) fn report_dict<'py>(
+    py: Python<'py>,
+    report: &anyhit::ReportedHit,
+) -> PyResult<Bound<'py, PyDict>> {
+    let dict = PyDict::new(py);
+    dict.set_item("t", report.t)?;
+    dict.set_item("kind", report.kind)?;
+    dict.set_item("attributes", to_python(py, &report.attributes)?)?;
+    dict.set_item("accepted", report.accepted)?;
+    Ok(dict)
+}
+
 /// What one invocation of a shader left.
 #[pyclass(frozen, module = "anyhit")]
 pub(crate) struct ShaderOutcome {
@@ -185,12 +198,7 @@ impl ShaderOutcome {
     fn reports<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
         let list = PyList::empty(py);
         for report in &self.outcome.reports {
-            let dict = PyDict::new(py);
-            dict.set_item("t", report.t)?;
-            dict.set_item("kind", report.kind)?;
-            dict.set_item("attributes", to_python(py, &report.attributes)?)?;
-            dict.set_item("accepted", report.accepted)?;
-            list.append(dict)?;
+            list.append(report_dict(py, report)?)?;
         }
         Ok(list)
     }
@@ -198,7 +206,11 @@ impl ShaderOutcome {
     /// The traces that it made, with what answered them.
     #[getter]
     fn traces(&self) -> Vec<TraceCall> {
-        self.outcome.traces.iter().map(|call| TraceCall { call: call.clone() }).collect()
+        self.outcome
+            .traces
+            .iter()
+            .map(|call| TraceCall { call: call.clone(), found: Arc::default() })
+            .collect()
     }
 
     /// What it printed.

@@ -5,14 +5,15 @@ use std::sync::{Arc, Mutex, PoisonError};
 use anyhit::{Descriptor, StructData, Value};
 use anyhit_engine::machine::Binding;
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 
 use crate::argument::{self, Argument, wrong_class};
 use crate::error::{from_python, invalid, raised};
 use crate::images::{TexelArray, declared};
-use crate::instance::{Hit, Ray};
+use crate::instance::{Hit, Instance, Ray};
 use crate::module::{Module, Program};
 use crate::numbers::{Member, members, nested};
-use crate::outcome::ShaderOutcome;
+use crate::outcome::{ShaderOutcome, report_dict};
 use crate::payload;
 use crate::place::{Place, split_with};
 use crate::run::{interruptible, run};
@@ -207,11 +208,15 @@ impl ShaderTest {
         let raised = self.raised.clone();
         let answer = move |trace: &mut anyhit::TraceCall| {
             let answered = Python::attach(|py| {
-                let call = TraceCall { call: trace.clone() };
+                let found = Arc::default();
+                let call = TraceCall { call: trace.clone(), found: Arc::clone(&found) };
                 let answer = callback.bind(py).call1((call,)).and_then(|answer| match answer.is_none() {
                     true => Ok(Vec::new()),
                     false => members(&trace.payload.value(), &answer),
                 });
+                if let Some(instance) = found.lock().unwrap_or_else(PoisonError::into_inner).take() {
+                    trace.hit(instance);
+                }
                 answer.map_err(|error| keep(py, &raised, error))
             });
             write(&mut trace.payload, answered?)
@@ -239,6 +244,43 @@ impl ShaderTest {
         self.with("on_call", |test| test.on_call(answer))
     }
 
+    /// Answers the hit objects that the shader executes, in place of closest-hit and miss shaders:
+    /// the callback sees an `ExecuteCall` and returns a dict of the members of the payload that it
+    /// changes, or `None`.
+    fn on_execute(&self, callback: Py<PyAny>) -> Self {
+        let raised = self.raised.clone();
+        let answer = move |execute: &mut anyhit::ExecuteCall| {
+            let answered = Python::attach(|py| {
+                let call = ExecuteCall { call: execute.clone() };
+                let answer = callback.bind(py).call1((call,)).and_then(|answer| match answer.is_none() {
+                    true => Ok(Vec::new()),
+                    false => members(&execute.payload.value(), &answer),
+                });
+                answer.map_err(|error| keep(py, &raised, error))
+            });
+            write(&mut execute.payload, answered?)
+        };
+        self.with("on_execute", |test| test.on_execute(answer))
+    }
+
+    /// Decides on the reports of an intersection shader, as an any-hit shader would: the callback
+    /// sees a dict of `t`, `kind` and `attributes`, and returns whether it accepts. It is not asked
+    /// about reports outside of the ray's interval.
+    fn on_report(&self, callback: Py<PyAny>) -> Self {
+        let raised = self.raised.clone();
+        let decide = move |report: &anyhit::ReportedHit| {
+            let decided = Python::attach(|py| {
+                let asked = report_dict(py, report).and_then(|dict| {
+                    dict.del_item("accepted")?;
+                    callback.bind(py).call1((dict,))?.is_truthy()
+                });
+                asked.map_err(|error| keep(py, &raised, error))
+            });
+            decided.unwrap_or(false)
+        };
+        self.with("on_report", |test| test.on_report(decide))
+    }
+
     /// Answers every report of an intersection shader with "rejected".
     fn reject_reports(&self) -> Self {
         self.with("reject_reports", anyhit::ShaderTest::reject_reports)
@@ -248,7 +290,10 @@ impl ShaderTest {
     fn run(&self, py: Python<'_>) -> PyResult<ShaderOutcome> {
         self.used.mark();
         match interruptible(py, || self.test.clone().run())? {
-            Ok(outcome) => Ok(ShaderOutcome { outcome, programs: [self.program.clone()] }),
+            Ok(outcome) => match self.taken() {
+                None => Ok(ShaderOutcome { outcome, programs: [self.program.clone()] }),
+                Some(error) => Err(error),
+            },
             Err(error) => Err(self.raised(error)),
         }
     }
@@ -270,8 +315,11 @@ impl ShaderTest {
 impl ShaderTest {
     /// What a callback has raised, or else the error.
     fn raised(&self, error: anyhit::Error) -> PyErr {
-        let callback = self.raised.lock().unwrap_or_else(PoisonError::into_inner).take();
-        callback.unwrap_or_else(|| raised(error))
+        self.taken().unwrap_or_else(|| raised(error))
+    }
+
+    fn taken(&self) -> Option<PyErr> {
+        self.raised.lock().unwrap_or_else(PoisonError::into_inner).take()
     }
 }
 
@@ -287,10 +335,70 @@ fn write(data: &mut anyhit::TypedBytes, members: Vec<Member>) -> anyhit::Result<
     members.into_iter().try_for_each(|(path, value)| data.set(&path, value))
 }
 
+/// A hit object as the tested shader executes it.
+#[pyclass(frozen, module = "anyhit")]
+pub(crate) struct ExecuteCall {
+    call: anyhit::ExecuteCall,
+}
+
+#[pymethods]
+impl ExecuteCall {
+    /// How many hit objects the shader executed before.
+    #[getter]
+    fn number(&self) -> usize {
+        self.call.number
+    }
+
+    /// The ray that the hit object encodes.
+    #[getter]
+    fn ray(&self) -> Ray {
+        Ray { ray: self.call.trace.ray }
+    }
+
+    /// The closest hit, a dict of its indices, `t`, `kind` and `attributes`; `None` for a miss.
+    #[getter]
+    fn hit<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
+        let Some(hit) = self.call.hit else { return Ok(None) };
+        let dict = PyDict::new(py);
+        dict.set_item("instance", hit.instance)?;
+        dict.set_item("custom_index", hit.custom_index)?;
+        dict.set_item("geometry", hit.geometry)?;
+        dict.set_item("primitive", hit.primitive)?;
+        dict.set_item("t", hit.t)?;
+        dict.set_item("kind", hit.kind.0)?;
+        dict.set_item("attributes", hit.attributes)?;
+        Ok(Some(dict))
+    }
+
+    /// The index into the table of hit groups, or of miss shaders.
+    #[getter]
+    fn record(&self) -> u64 {
+        self.call.record
+    }
+
+    /// The payload as the shader gives it.
+    #[getter]
+    fn given<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        to_python(py, &self.call.given)
+    }
+
+    /// The payload as the answer leaves it.
+    #[getter]
+    fn payload<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        to_python(py, &self.call.payload.value())
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<anyhit.ExecuteCall {}: record {}>", self.call.number, self.call.record)
+    }
+}
+
 /// A trace as the tested shader executes it.
 #[pyclass(frozen, module = "anyhit")]
 pub(crate) struct TraceCall {
     pub(crate) call: anyhit::TraceCall,
+    /// What a trace into a hit object finds.
+    pub(crate) found: Arc<Mutex<Option<anyhit::Instance>>>,
 }
 
 #[pymethods]
@@ -341,6 +449,23 @@ impl TraceCall {
     #[getter]
     fn miss_index(&self) -> u32 {
         self.call.miss_index
+    }
+
+    /// Whether it is traced into a hit object: `hit` says what that finds.
+    #[getter]
+    fn into_hit_object(&self) -> bool {
+        self.call.into_hit_object
+    }
+
+    /// Lets a trace into a hit object meet this instance alone; where the ray passes by, and without
+    /// this, the hit object encodes a miss.
+    fn hit(&self, #[pyo3(from_py_with = argument::instance)] instance: Instance) {
+        *self.found.lock().unwrap_or_else(PoisonError::into_inner) = Some(instance.instance);
+    }
+
+    fn __repr__(&self) -> String {
+        let anyhit::Ray { origin, direction, .. } = self.call.trace.ray;
+        format!("<anyhit.TraceCall {}: from {origin:?} towards {direction:?}>", self.call.number)
     }
 
     /// The payload as the shader gives it.

@@ -52,11 +52,14 @@ pub(crate) fn stress(
     Ok(report)
 }
 
+/// The number of a case that was answered wrongly, made smaller.
+type WrongCase = (u64, (StressCase, Failure));
+
 /// The cases that run before their counts are added.
 const ROUND: u64 = 1024;
 
 /// The counts of a range of cases, and those that were answered wrongly, made smaller.
-fn judge(seed: u64, mut cases: Range<u64>) -> (Tally, Vec<(u64, (StressCase, Failure))>) {
+fn judge(seed: u64, mut cases: Range<u64>) -> (Tally, Vec<WrongCase>) {
     let precision = Precision::Exact;
     let (mut total, mut wrong) = (Tally::default(), Vec::new());
     let is_interrupted = || Interrupt::current().is_some_and(|interrupt| interrupt.is_raised());
@@ -69,12 +72,12 @@ fn judge(seed: u64, mut cases: Range<u64>) -> (Tally, Vec<(u64, (StressCase, Fai
                 return Ok(Tally::default());
             }
             check_caught(&case(seed, number), precision)
-                .map_err(|_| (number, minimise(&case(seed, number), precision)))
+                .map_err(|_| Box::new((number, minimise(&case(seed, number), precision))))
         });
         for result in judged {
             match result {
                 Ok(tally) => total = total.plus(&tally),
-                Err(failure) => wrong.push(failure),
+                Err(failure) => wrong.push(*failure),
             }
         }
     }

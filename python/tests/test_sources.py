@@ -124,6 +124,36 @@ def test_an_include_that_a_macro_names_is_read_each_time(tmp_path: Path, cache: 
         assert value(module) == number
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="SKIPPED: a program is a script of sh")
+def test_the_slangc_of_slangtorch_is_found(tmp_path: Path) -> None:
+    folder = tmp_path / "slangtorch"
+    (folder / "bin").mkdir(parents=True)
+    (folder / "__init__.py").write_text("raise ImportError('it is not imported')")
+    tool = folder / "bin/slangc"
+    tool.write_text("#!/bin/sh\necho the slangc of slangtorch >&2\nexit 1\n")
+    tool.chmod(0o755)
+    code = "import anyhit, os; print(os.environ.get('SLANGC')); anyhit.Module.from_source('a.slang', '')"
+
+    def ran(**more: str) -> tuple[str, str]:
+        environment = {name: value for name, value in os.environ.items() if name != "SLANGC"}
+        environment |= {"PYTHONPATH": str(tmp_path), "PATH": "/usr/bin:/bin", **more}
+        ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment)
+        return ended.stdout.strip(), ended.stderr
+
+    if shutil.which("slangc", path="/usr/bin:/bin"):
+        pytest.skip("SKIPPED: slangc is installed")
+    found, errors = ran()
+    assert found == str(tool) and "the slangc of slangtorch" in errors
+    # What the user names comes first.
+    found, errors = ran(SLANGC="/nowhere/slangc")
+    assert found == "/nowhere/slangc" and "names no program" in errors
+
+
+def test_the_command_says_how_to_get_the_program() -> None:
+    ended = subprocess.run([sys.executable, "-m", "anyhit"], capture_output=True, text=True)
+    assert ended.returncode == 1 and "cargo install" in ended.stderr and ended.stderr.count("\n") == 1
+
+
 def test_entries_of_other_versions_are_not_read(cache: Path) -> None:
     anyhit.Module.from_source("a.wgsl", WGSL % 1)
     (entry,) = cache.iterdir()
