@@ -12,6 +12,7 @@ from importlib.util import find_spec as _find_spec
 from ._anyhit import (
     ComputeOutcome,
     ComputeTest,
+    DeviceBuffers,
     EntryPoint,
     ExecuteCall,
     Finished,
@@ -74,6 +75,7 @@ _find_slangc()
 __all__ = [
     "ComputeOutcome",
     "ComputeTest",
+    "DeviceBuffers",
     "EntryPoint",
     "Error",
     "ExecuteCall",

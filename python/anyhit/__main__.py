@@ -8,8 +8,8 @@ import sys
 def main() -> int:
     """Prints where the program comes from."""
     print(
-        "anyhit: this package is the Python interface; `cargo install --locked anyhit` builds the program "
-        "anyhit, whose folder must come first on PATH",
+        "anyhit: this package is the Python interface; `cargo install --locked --path .` in a clone of "
+        "its repository builds the program anyhit",
         file=sys.stderr,
     )
     return 1

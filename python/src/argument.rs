@@ -9,6 +9,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyByteArray, PyBytes, PyDict, PyMemoryView, PyString};
 
 use crate::array::shape_text;
+use crate::device_buffers::DeviceBuffers;
 use crate::error::{invalid, invalid_type};
 use crate::instance::{Hit, Instance, Ray};
 use crate::module::{Module, Program, Shader};
@@ -222,18 +223,34 @@ macro_rules! arguments {
     )*};
 }
 
+/// Buffers with device addresses, as they are.
+pub(crate) struct Buffers(pub(crate) anyhit::DeviceBuffers);
+
+impl Argument for Buffers {
+    fn of(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let found = given.cast::<DeviceBuffers>();
+        let found = found.map_err(|_| wrong_class(name, "anyhit.DeviceBuffers", given))?;
+        Ok(Self(found.get().now()))
+    }
+}
+
 arguments! {
+    address: u64,
     all_widths: bool,
     at: usize,
     attributes: [f32; 2],
+    buffers: Buffers,
     by: [f32; 3],
+    byte_count as size: usize,
     callable: Vec<Shader>,
     callable_records: Objects,
     cluster_id: u32,
+    commands: String,
     compiler_flags as flags: Vec<String>,
     count: usize,
     cull_mask: u8,
     custom_index: u32,
+    degrees: f32,
     depth: u32,
     direction: [f32; 3],
     end: u64,
@@ -259,6 +276,7 @@ arguments! {
     mask: u8,
     max_recursion: Option<u32>,
     maximum: [f32; 3],
+    member: String,
     minimum: [f32; 3],
     miss: Vec<Shader>,
     miss_index: u32,

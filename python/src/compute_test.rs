@@ -10,7 +10,7 @@ use numpy::{PyUntypedArray, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyInt};
 
-use crate::argument::{self, Argument, wrong_class};
+use crate::argument::{self, Argument, Buffers, wrong_class};
 use crate::dtype::buffer_array;
 use crate::error::raised;
 use crate::images::{TexelArray, declared};
@@ -21,6 +21,7 @@ use crate::run::run;
 use crate::sampler::Sampler;
 use crate::scene::{Scene, buffer_bytes, filled};
 use crate::used::Use;
+use crate::value::to_python;
 
 /// A compute shader with what it has bound, and how many workgroups of it run. A test is a value:
 /// methods return a test that also has what they are given. Set and binding may be the name of a
@@ -201,6 +202,11 @@ impl ComputeTest {
         Ok(self.with("sampler", |test| test.descriptor(at.set, at.binding, sampler)))
     }
 
+    /// Puts buffers at their device addresses, for shaders that reach them by pointers.
+    fn device_buffers(&self, #[pyo3(from_py_with = argument::buffers)] buffers: Buffers) -> Self {
+        self.with("device_buffers", |test| test.device_buffers(&buffers.0))
+    }
+
     /// Sets the push constants, by the names of their members.
     fn push_constants(&self, values: &Bound<'_, PyAny>) -> PyResult<Self> {
         let data = StructData::push_constants(&self.module.module).map_err(raised)?;
@@ -277,6 +283,18 @@ impl ComputeTest {
         Ok(run(py, || self.test.sanitize())?.iter().map(anyhit::Error::render).collect())
     }
 
+    /// Runs the workgroup of an invocation, given by its `GlobalInvocationId`, in the debugger, and
+    /// returns the transcript of commands, one a line.
+    fn debug(
+        &self,
+        py: Python<'_>,
+        #[pyo3(from_py_with = argument::id)] id: [u32; 3],
+        #[pyo3(from_py_with = argument::commands)] commands: String,
+    ) -> PyResult<String> {
+        self.used.mark();
+        run(py, || self.test.debug(id, &commands))
+    }
+
     fn __repr__(&self) -> String {
         format!("<anyhit.ComputeTest: {}>", self.program.name)
     }
@@ -336,6 +354,28 @@ impl ComputeOutcome {
     ) -> PyResult<Bound<'py, PyAny>> {
         let read = |set, binding| self.outcome.buffer_bytes(set, binding);
         read_buffer(py, (set, binding, dtype), &self.programs, read)
+    }
+
+    /// The buffer at a device address, from that address on, as an array of a dtype; of its bytes
+    /// without one.
+    #[pyo3(signature = (address, dtype=None))]
+    fn read_buffer_at<'py>(
+        &self,
+        py: Python<'py>,
+        #[pyo3(from_py_with = argument::address)] address: u64,
+        dtype: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        buffer_array(py, self.outcome.read_buffer_at::<u8>(address).map_err(raised)?, dtype, None)
+    }
+
+    /// What lies at a device address by the names of its members, as the type of the first pointer
+    /// that leads there.
+    fn buffer_at<'py>(
+        &self,
+        py: Python<'py>,
+        #[pyo3(from_py_with = argument::address)] address: u64,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        to_python(py, &self.outcome.buffer_at(address).map_err(raised)?)
     }
 
     fn __eq__(&self, other: &Self) -> bool {

@@ -6,6 +6,7 @@
 mod argument;
 mod array;
 mod compute_test;
+mod device_buffers;
 mod dtype;
 mod error;
 mod images;
@@ -37,6 +38,8 @@ mod _anyhit {
 
     #[pymodule_export]
     use crate::compute_test::{ComputeOutcome, ComputeTest};
+    #[pymodule_export]
+    use crate::device_buffers::DeviceBuffers;
     #[pymodule_export]
     use crate::instance::{Hit, Instance, Ray};
     #[pymodule_export]

@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
-use anyhit::{Error, ExplainRequest};
+use anyhit::{Error, ExplainRequest, Motion};
 use pyo3::prelude::*;
 
 use crate::argument::{self, Bytes};
@@ -131,6 +131,53 @@ impl LoadedScene {
     ) -> PyResult<()> {
         let rows = matrix_of("matrix", matrix)?;
         self.change(py, |scene| scene.set_transform(instance, rows).map(drop))
+    }
+
+    /// The transform of an instance, by its `InstanceId`; at time 0 where it moves: (3, 4).
+    fn transform<'py>(
+        &self,
+        py: Python<'py>,
+        #[pyo3(from_py_with = argument::instance_index)] instance: usize,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let rows = self.now().transform(instance).map_err(raised)?;
+        Ok(numpy::PyArray2::from_vec2(py, &rows.map(|row| row.to_vec())).map_err(PyErr::from)?.into_any())
+    }
+
+    /// Replaces the motion of an instance, by its `InstanceId`: its transforms at time 0 and 1.
+    fn set_motion(
+        &self,
+        py: Python<'_>,
+        #[pyo3(from_py_with = argument::instance_index)] instance: usize,
+        start: &Bound<'_, PyAny>,
+        end: &Bound<'_, PyAny>,
+    ) -> PyResult<()> {
+        let motion = Motion::Matrix([matrix_of("start", start)?, matrix_of("end", end)?]);
+        self.change(py, |scene| scene.set_motion(instance, motion).map(drop))
+    }
+
+    /// Sets `maxPipelineRayRecursionDepth`.
+    fn set_max_recursion(
+        &self,
+        py: Python<'_>,
+        #[pyo3(from_py_with = argument::depth)] depth: u32,
+    ) -> PyResult<()> {
+        self.change(py, |scene| scene.set_max_recursion(depth).map(drop))
+    }
+
+    /// Runs one pass alone, by its name or its number from 0, on buffers and images as the scene
+    /// describes them.
+    fn launch_pass(
+        &self,
+        py: Python<'_>,
+        #[pyo3(from_py_with = argument::name)] name: String,
+    ) -> PyResult<SceneOutcome> {
+        let scene = self.now();
+        Ok(SceneOutcome { outcome: run(py, || scene.launch_pass(&name))? })
+    }
+
+    /// The device address of a buffer, by the resource's name.
+    fn address_of(&self, #[pyo3(from_py_with = argument::name)] name: String) -> PyResult<u64> {
+        self.now().address_of(&name).map_err(raised)
     }
 
     /// Replaces a shader, by its name below `[shaders]`, by a source text; the extension of

@@ -109,6 +109,17 @@ impl Module {
         self.module.warnings.iter().map(ToString::to_string).collect()
     }
 
+    /// What the module breaks of the specification: one message each, with its rule and the fix.
+    fn validate(&self, py: Python<'_>) -> PyResult<Vec<String>> {
+        let findings = run(py, || Ok(self.module.validate()))?;
+        Ok(findings
+            .iter()
+            .map(|one| {
+                format!("{} (word {}): {} ({}); {}", one.name, one.word, one.message, one.rule, one.fix)
+            })
+            .collect())
+    }
+
     /// The resources that the entry points use, in the order of their bindings.
     #[getter]
     fn bindings(&self) -> Vec<ModuleBinding> {

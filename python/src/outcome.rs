@@ -9,12 +9,13 @@ use anyhit_engine::program::layout::{Layout, Rules};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
+use crate::argument;
 use crate::dtype::buffer_array;
 use crate::error::raised;
 use crate::images::texels;
 use crate::place::split;
 use crate::scene::Scene;
-use crate::shader_test::TraceCall;
+use crate::shader_test::{ExecuteCall, TraceCall};
 use crate::value::to_python;
 
 /// The methods of an outcome that read what was bound, by set and binding or by name.
@@ -143,6 +144,28 @@ impl Launched {
         read_buffer(py, (set, binding, dtype), &self.programs, read)
     }
 
+    /// The buffer at a device address, from that address on, as an array of a dtype; of its bytes
+    /// without one.
+    #[pyo3(signature = (address, dtype=None))]
+    fn read_buffer_at<'py>(
+        &self,
+        py: Python<'py>,
+        #[pyo3(from_py_with = argument::address)] address: u64,
+        dtype: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        buffer_array(py, self.launched.read_buffer_at::<u8>(address).map_err(raised)?, dtype, None)
+    }
+
+    /// What lies at a device address by the names of its members, as the type of the first pointer
+    /// that leads there.
+    fn buffer_at<'py>(
+        &self,
+        py: Python<'py>,
+        #[pyo3(from_py_with = argument::address)] address: u64,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        to_python(py, &self.launched.buffer_at(address).map_err(raised)?)
+    }
+
     fn __eq__(&self, other: &Self) -> bool {
         self.launched == other.launched
     }
@@ -213,6 +236,49 @@ impl ShaderOutcome {
             .collect()
     }
 
+    /// The hit objects that it executed, with what answered them.
+    #[getter]
+    fn executes(&self) -> Vec<ExecuteCall> {
+        self.outcome.executes.iter().map(|call| ExecuteCall { call: call.clone() }).collect()
+    }
+
+    /// The callable shaders that it called: `index`, and the data before (`given`) and after the
+    /// answer (`data`).
+    #[getter]
+    fn calls<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
+        let list = PyList::empty(py);
+        for call in &self.outcome.calls {
+            let dict = PyDict::new(py);
+            dict.set_item("index", call.index)?;
+            dict.set_item("given", to_python(py, &call.given)?)?;
+            dict.set_item("data", to_python(py, &call.data.value())?)?;
+            list.append(dict)?;
+        }
+        Ok(list)
+    }
+
+    /// The exact normal of the surface that was hit, in world space; `None` of a box.
+    #[getter]
+    fn exact_normal(&self) -> Option<[f32; 3]> {
+        self.outcome.exact_normal()
+    }
+
+    /// The exact normal in the object space of the instance.
+    #[getter]
+    fn exact_object_normal(&self) -> Option<[f32; 3]> {
+        self.outcome.exact_object_normal()
+    }
+
+    /// Raises `Expectation` where a member of the payload is farther from the exact normal than so
+    /// many degrees.
+    fn check_normal(
+        &self,
+        #[pyo3(from_py_with = argument::member)] member: String,
+        #[pyo3(from_py_with = argument::degrees)] degrees: f32,
+    ) -> PyResult<()> {
+        self.outcome.check_normal(&member, degrees.into()).map_err(raised)
+    }
+
     /// What it printed.
     #[getter]
     fn printed(&self) -> Vec<String> {
@@ -252,6 +318,28 @@ impl ShaderOutcome {
     ) -> PyResult<Bound<'py, PyAny>> {
         let read = |set, binding| self.outcome.buffer_bytes(set, binding);
         read_buffer(py, (set, binding, dtype), &self.programs, read)
+    }
+
+    /// The buffer at a device address, from that address on, as an array of a dtype; of its bytes
+    /// without one.
+    #[pyo3(signature = (address, dtype=None))]
+    fn read_buffer_at<'py>(
+        &self,
+        py: Python<'py>,
+        #[pyo3(from_py_with = argument::address)] address: u64,
+        dtype: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        buffer_array(py, self.outcome.read_buffer_at::<u8>(address).map_err(raised)?, dtype, None)
+    }
+
+    /// What lies at a device address by the names of its members, as the type of the first pointer
+    /// that leads there.
+    fn buffer_at<'py>(
+        &self,
+        py: Python<'py>,
+        #[pyo3(from_py_with = argument::address)] address: u64,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        to_python(py, &self.outcome.buffer_at(address).map_err(raised)?)
     }
 
     fn __eq__(&self, other: &Self) -> bool {

@@ -10,7 +10,7 @@ use anyhit_unit_test::data::HostBytes;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyString, PyTuple};
 
-use crate::argument::{self, Argument, wrong_class};
+use crate::argument::{self, Argument, Buffers, wrong_class};
 use crate::array::typed_bytes;
 use crate::dtype::buffer_array;
 use crate::error::{invalid, raised};
@@ -212,6 +212,13 @@ impl Scene {
         let (place, sampler) = split_with("sampler", set, binding, sampler)?;
         let sampler = Sampler::of("sampler", sampler)?.sampler;
         Ok(self.with("sampler", place, Pending::Sampler(sampler)))
+    }
+
+    /// Puts buffers at their device addresses, for shaders that reach them by pointers.
+    fn device_buffers(&self, #[pyo3(from_py_with = argument::buffers)] buffers: Buffers) -> Self {
+        self.used.mark();
+        let (scene, pending) = (self.scene.clone().device_buffers(&buffers.0), self.pending.clone());
+        Self { scene, pending, bound: Arc::default(), used: Use::of("Scene", "device_buffers") }
     }
 
     /// The content of a buffer, as an array of a dtype; of its bytes without one.

@@ -7,7 +7,7 @@ use anyhit_engine::machine::Binding;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::argument::{self, Argument, wrong_class};
+use crate::argument::{self, Argument, Buffers, wrong_class};
 use crate::error::{from_python, invalid, raised};
 use crate::images::{TexelArray, declared};
 use crate::instance::{Hit, Instance, Ray};
@@ -197,6 +197,11 @@ impl ShaderTest {
         Ok(self.with("sampler", |test| test.descriptor(at.set, at.binding, sampler)))
     }
 
+    /// Puts buffers at their device addresses, for shaders that reach them by pointers.
+    fn device_buffers(&self, #[pyo3(from_py_with = argument::buffers)] buffers: Buffers) -> Self {
+        self.with("device_buffers", |test| test.device_buffers(&buffers.0))
+    }
+
     /// Sets how many instructions the shader may execute.
     fn fuel(&self, #[pyo3(from_py_with = argument::instructions)] instructions: u64) -> Self {
         self.with("fuel", |test| test.fuel(instructions))
@@ -298,6 +303,19 @@ impl ShaderTest {
         }
     }
 
+    /// Runs the shader in the debugger, and returns the transcript of commands, one a line.
+    fn debug(
+        &self,
+        py: Python<'_>,
+        #[pyo3(from_py_with = argument::commands)] commands: String,
+    ) -> PyResult<String> {
+        self.used.mark();
+        match interruptible(py, || self.test.debug(&commands))? {
+            Ok(transcript) => Ok(transcript),
+            Err(error) => Err(self.raised(error)),
+        }
+    }
+
     fn __repr__(&self) -> String {
         format!("<anyhit.ShaderTest: {} {}>", self.program.stage.name(), self.program.name)
     }
@@ -338,7 +356,7 @@ fn write(data: &mut anyhit::TypedBytes, members: Vec<Member>) -> anyhit::Result<
 /// A hit object as the tested shader executes it.
 #[pyclass(frozen, module = "anyhit")]
 pub(crate) struct ExecuteCall {
-    call: anyhit::ExecuteCall,
+    pub(crate) call: anyhit::ExecuteCall,
 }
 
 #[pymethods]

@@ -8,7 +8,7 @@ from typing import Any
 import anyhit
 import numpy as np
 import pytest
-from conftest import FIXTURES
+from conftest import FIXTURES, REPOSITORY
 
 PASS = FIXTURES / "pass"
 # The unit sphere about the origin: centre and radius, then more that have no extent.
@@ -156,3 +156,74 @@ def test_flags_and_include_folders_reach_the_compiler(glslang: None, tmp_path: P
     with pytest.raises(anyhit.InvalidType, match="flags: expected a list, found str"):
         untyped: Any = "-DMORE=1"
         anyhit.Module.from_source("a.rmiss", text, flags=untyped)
+
+
+def test_buffers_have_device_addresses() -> None:
+    # It lists five nodes from `first` on, `uint value; uint pad; Node next;`; the next becomes 77.
+    module = anyhit.Module.open(REPOSITORY / "tests/addresses/nodes.spv")
+    buffers = anyhit.DeviceBuffers()
+    first = buffers.reserve("first", 16)
+    second = buffers.add("second", np.array([4, first], np.uint64))
+    buffers.write("first", np.array([3, second], np.uint64))
+    test = anyhit.ComputeTest(module).device_buffers(buffers).buffer(0, 0, np.zeros(6, np.uint32))
+    # What is written later is not part of the test.
+    buffers.write("first", np.array([9, 0], np.uint64))
+    outcome = test.push_constants({"first": first}).run()
+    assert outcome.read_buffer(0, 0, np.uint32).tolist() == [3, 4, 3, 4, 3, 0]
+    assert outcome.read_buffer_at(second, np.uint64).tolist() == [77, first]
+    for wrong in [0, 5, 2**64 - 1]:
+        with pytest.raises(anyhit.InvalidArgument, match="no buffer contains address"):
+            outcome.read_buffer_at(wrong)
+    with pytest.raises(anyhit.InvalidArgument):
+        buffers.write("third", b"")
+    with pytest.raises(anyhit.InvalidArgument, match="size: "):
+        buffers.reserve("huge", -1)
+
+
+def test_tests_are_debugged() -> None:
+    module = anyhit.Module.open(PASS / "sphere/closest-hit/main.rchit.spv")
+    ray = anyhit.Ray([0, 0, 4], [0, 0, -1])
+    test = anyhit.ShaderTest(module).hit(anyhit.Hit.sphere([0, 0, 0], 0.5, ray))
+    assert test.debug("print gl_HitTEXT").endswith("(anyhit) print gl_HitTEXT\ngl_HitTEXT = float 3.5\n")
+    with pytest.raises(anyhit.InvalidArgument):
+        test.debug("no such command")
+    compute = anyhit.Module.from_source(
+        "c.wgsl",
+        "@group(0) @binding(0) var<storage, read_write> a: array<u32>;\n"
+        "@compute @workgroup_size(2) fn main(@builtin(global_invocation_id) id: vec3u) { a[id.x] = id.x; }",
+    )
+    dispatch = anyhit.ComputeTest(compute).buffer(0, 0, np.zeros(2, np.uint32))
+    transcript = dispatch.debug([1, 0, 0], "print gl_GlobalInvocationID")
+    assert transcript.endswith("gl_GlobalInvocationID = uvec3(1, 0, 0)\n")
+    with pytest.raises(anyhit.InvalidArgument):
+        dispatch.debug([9, 0, 0], "print id")
+
+
+def test_outcomes_know_the_exact_normal() -> None:
+    module = anyhit.Module.open(PASS / "sphere/closest-hit/main.rchit.spv")
+    ray = anyhit.Ray([0, 0, 4], [0, 0, -1])
+    outcome = anyhit.ShaderTest(module).hit(anyhit.Hit.sphere([0, 0, 0], 0.5, ray)).run()
+    # The upper pole of the sphere.
+    assert outcome.exact_normal == [0, 0, 1] == outcome.exact_object_normal
+    outcome.check_normal("normal", 0.01)
+    with pytest.raises(anyhit.InvalidArgument):
+        outcome.check_normal("norm", 0.01)
+    assert (outcome.executes, outcome.calls) == ([], [])
+
+
+def test_instances_of_a_scene_file_move() -> None:
+    scene = anyhit.Scene.open(REPOSITORY / "shaders/pass/sphere/closest-hit/scene.toml")
+    before = scene.transform(0)
+    assert before.shape == (3, 4) and before.dtype == np.float32
+    moved = before + np.array([[0, 0, 0, 1]] * 3, np.float32)
+    scene.set_transform(0, moved)
+    assert (scene.transform(0) == moved).all()
+    scene.set_motion(0, before, moved)
+    assert (scene.transform(0) == before).all()
+    with pytest.raises(anyhit.InvalidArgument, match="no instance 99"):
+        scene.transform(99)
+    scene.set_max_recursion(1)
+
+
+def test_a_module_is_validated() -> None:
+    assert anyhit.Module.open(PASS / "sphere/closest-hit/main.rchit.spv").validate() == []
