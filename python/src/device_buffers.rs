@@ -2,11 +2,13 @@
 
 use std::sync::{Mutex, PoisonError};
 
+use anyhit::{ErrorKind, InputLimit, InputLimits};
 use pyo3::prelude::*;
 
 use crate::argument;
 use crate::array::bytes;
 use crate::error::raised;
+use crate::scene::Scene;
 
 /// Buffers at device addresses, by name, for shaders that reach them by pointers: `ShaderTest`,
 /// `ComputeTest` and `Scene` take them with `device_buffers`. Contents may hold the addresses of
@@ -41,6 +43,8 @@ impl DeviceBuffers {
         #[pyo3(from_py_with = argument::name)] name: String,
         #[pyo3(from_py_with = argument::byte_count)] size: usize,
     ) -> PyResult<u64> {
+        let (limits, kind) = (InputLimits::default(), ErrorKind::InvalidArgument);
+        limits.check(InputLimit::BufferBytes, size as u64, kind).map_err(raised)?;
         self.change(|buffers| buffers.reserve(&name, size))
     }
 
@@ -62,6 +66,12 @@ impl DeviceBuffers {
     ) -> PyResult<()> {
         let bytes = bytes("data", data)?;
         self.change(|buffers| buffers.write(&name, &bytes))
+    }
+
+    /// Gives an address to the acceleration structure of a scene; the one that it has, where it has
+    /// one.
+    fn structure(&self, #[pyo3(from_py_with = argument::scene)] scene: Scene) -> PyResult<u64> {
+        self.change(|buffers| Ok(buffers.structure(&scene.scene)))
     }
 
     fn __repr__(&self) -> String {

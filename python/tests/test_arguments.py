@@ -210,7 +210,7 @@ def public(builtins: anyhit.Module, pipeline: anyhit.Pipeline) -> dict[str, Call
     loaded = anyhit.Scene.open(FIXTURES.parent / "shaders/pass/sphere/closest-hit/scene.toml")
     things: list[Any] = [compute, compute.run(), instance, scene, pipeline, builtins, builtins.entry_points[0], DOWN]
     things += [test, test.run(), call.traces[0], loaded, loaded.launch(), anyhit.Program(builtins, "sky"), anyhit.Sampler()]
-    things += [anyhit.Hit.triangle(TRIANGLE, DOWN), pipeline.trace(scene, [0, 0, 4], [0, 0, -1])]
+    things += [anyhit.Hit.triangle(TRIANGLE, DOWN), anyhit.DeviceBuffers(), pipeline.trace(scene, [0, 0, 4], [0, 0, -1])]
     found: dict[str, Callable[..., object]] = {}
     for name in anyhit.__all__:
         thing = getattr(anyhit, name)

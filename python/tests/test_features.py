@@ -178,6 +178,10 @@ def test_buffers_have_device_addresses() -> None:
         buffers.write("third", b"")
     with pytest.raises(anyhit.InvalidArgument, match="size: "):
         buffers.reserve("huge", -1)
+    scene = anyhit.Scene([])
+    assert buffers.structure(scene) == buffers.structure(scene) not in (first, second)
+    with pytest.raises(anyhit.InvalidArgument, match="limit"):
+        buffers.reserve("huge", 2**60)
 
 
 def test_tests_are_debugged() -> None:
