@@ -470,8 +470,8 @@ impl TraceCall {
     }
 
     /// Whether it is traced into a hit object: `hit` says what that finds.
-    #[getter]
-    fn into_hit_object(&self) -> bool {
+    #[getter(into_hit_object)]
+    fn is_into_hit_object(&self) -> bool {
         self.call.into_hit_object
     }
 
