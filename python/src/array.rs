@@ -5,11 +5,36 @@ use anyhit_unit_test::data::HostBytes;
 use numpy::{Element, PyArrayDescrMethods, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn};
 use numpy::{PyUntypedArray, PyUntypedArrayMethods};
 use pyo3::prelude::*;
+use pyo3::types::PyType;
 
-use crate::argument::{bytes_of, wrong_class};
+use crate::argument::{bytes_of, class, wrong_class};
 use crate::dtype::{check_byte_order, host_type};
 use crate::error::invalid;
 use crate::numbers::{Number, rectangular};
+
+/// An array of numpy, or of an object that has one: by `__array__` (tensors of a CPU), or an
+/// `array.array`; `None` for another object.
+///
+/// # Errors
+/// `InvalidArgument` for an array with a mask, whose masked numbers are none.
+pub(crate) fn array_of<'py>(
+    name: &str,
+    given: &Bound<'py, PyAny>,
+) -> PyResult<Option<Bound<'py, PyUntypedArray>>> {
+    if let Ok(array) = given.cast::<PyUntypedArray>() {
+        if class(given) == "MaskedArray" {
+            return Err(invalid(format!("{name}: the array has a mask: `numpy.ma.filled({name})` has none")));
+        }
+        return Ok(Some(array.clone()));
+    }
+    let has_array = !given.is_instance_of::<PyType>()
+        && (given.hasattr("__array__")? || class(given) == "array" && given.hasattr("typecode")?);
+    if !has_array {
+        return Ok(None);
+    }
+    let array = given.py().import("numpy")?.call_method1("asarray", (given,))?;
+    Ok(Some(array.cast_into::<PyUntypedArray>()?))
+}
 
 /// The array of an argument, C-contiguous and of this dtype.
 pub(crate) fn typed<'py, T: Number>(
@@ -18,9 +43,9 @@ pub(crate) fn typed<'py, T: Number>(
 ) -> PyResult<PyReadonlyArrayDyn<'py, T>> {
     let py = given.py();
     let wanted = numpy::dtype::<T>(py);
-    let array = match given.cast::<PyUntypedArray>() {
-        Ok(array) => array.clone(),
-        Err(_) => {
+    let array = match array_of(name, given)? {
+        Some(array) => array,
+        None => {
             let (numbers, lengths) = rectangular::<T>(name, given)?;
             let array = numpy::PyArray1::from_vec(py, numbers);
             array.call_method1("reshape", (lengths,))?.cast_into::<PyUntypedArray>()?
@@ -134,7 +159,7 @@ pub(crate) fn bytes(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Vec<u8>> {
     if let Some(bytes) = bytes_of(given)? {
         return Ok(bytes);
     }
-    let Ok(array) = given.cast::<PyUntypedArray>() else {
+    let Some(array) = array_of(name, given)? else {
         return Err(wrong_class(name, "a numpy array, a dict or bytes", given));
     };
     if !array.is_c_contiguous() {
@@ -150,7 +175,7 @@ pub(crate) fn bytes(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Vec<u8>> {
 /// An array with its type, which is compared with the shaders'. Bytes and arrays of `uint8` have
 /// none.
 pub(crate) fn typed_bytes(name: &str, given: &Bound<'_, PyAny>) -> PyResult<HostBytes> {
-    let Ok(array) = given.cast::<PyUntypedArray>() else { return Ok(HostBytes::raw(&bytes(name, given)?)) };
+    let Some(array) = array_of(name, given)? else { return Ok(HostBytes::raw(&bytes(name, given)?)) };
     let dtype = array.dtype();
     check_byte_order(name, &dtype)?;
     let size = dtype.itemsize();

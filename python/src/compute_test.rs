@@ -340,7 +340,9 @@ impl ComputeOutcome {
         set: &Bound<'py, PyAny>,
         binding: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        buffer(py, (set, binding), &self.programs, |set, binding| self.outcome.buffer(set, binding))
+        let bytes = |set, binding| self.outcome.buffer_bytes(set, binding);
+        let read = |set, binding| self.outcome.buffer(set, binding);
+        buffer(py, (set, binding), &self.programs, read, bytes)
     }
 
     /// A buffer as an array of a dtype; without one, of the type that the shader declares.

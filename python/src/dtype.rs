@@ -180,6 +180,21 @@ fn of_layout<'py>(
     }
 }
 
+/// The bytes of the array without a length that ends a block as an array.
+pub(crate) fn runtime_array<'py>(
+    py: Python<'py>,
+    block: Layout<'_>,
+    mut bytes: Vec<u8>,
+) -> PyResult<Bound<'py, PyAny>> {
+    let array = block.members().last().map_or(block, |(_, member)| member);
+    let (dtype, sides) = of_element(py, array, 0)?;
+    let count = bytes.len() / array.stride().max(1);
+    bytes.truncate(count * array.stride());
+    let lengths = std::iter::once(count).chain(sides).map(|side| side as isize);
+    let numbers = from_bytes(py, bytes, &dtype, &lengths.collect::<Vec<_>>())?;
+    if element(array).size() == array.stride() { Ok(numbers) } else { numbers.get_item("value") }
+}
+
 /// The bytes of a buffer as an array of the type that a shader declares, or of a given dtype;
 /// without both of bytes.
 pub(crate) fn buffer_array<'py>(

@@ -8,6 +8,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict, PyFloat, PyInt, PyList, PyRange, PyTuple};
 
 use crate::argument::{Argument, class};
+use crate::array::array_of;
 use crate::error::{invalid, invalid_type};
 use crate::value::{Content, content};
 
@@ -126,8 +127,8 @@ pub(crate) fn nested(path: &str, data: &Bound<'_, PyAny>, depth: usize) -> PyRes
         let parts = parts.iter().map(|part| nested(path, part, depth + 1));
         return Ok(NestedScalars::Many(parts.collect::<PyResult<_>>()?));
     }
-    if let Ok(array) = data.cast::<PyUntypedArray>() {
-        check_kind(path, array)?;
+    if let Some(array) = array_of(path, data)? {
+        check_kind(path, &array)?;
         return nested(path, &array.call_method0("tolist")?, depth + 1);
     }
     let class = class(data);

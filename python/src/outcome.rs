@@ -4,13 +4,15 @@ use std::sync::Arc;
 
 use anyhit::{Explain, Program, Stats, Texels, Value};
 use anyhit_engine::machine::Binding;
+use anyhit_engine::module::ty::Type;
 use anyhit_engine::program::descriptors::declared_blocks;
 use anyhit_engine::program::layout::{Layout, Rules};
+use anyhit_unit_test::layout::LayoutValues;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
 use crate::argument;
-use crate::dtype::buffer_array;
+use crate::dtype::{buffer_array, runtime_array};
 use crate::error::raised;
 use crate::images::texels;
 use crate::place::split;
@@ -36,10 +38,45 @@ pub(crate) fn buffer<'py>(
     at: (&Bound<'py, PyAny>, Option<&Bound<'py, PyAny>>),
     programs: &[Arc<Program>],
     read: impl Fn(u32, u32) -> anyhit::Result<Value>,
+    bytes: impl Fn(u32, u32) -> anyhit::Result<Vec<u8>>,
 ) -> PyResult<Bound<'py, PyAny>> {
     let (place, _) = split(at.0, at.1, None)?;
-    let Binding { set, binding } = place.in_programs(programs)?;
-    to_python(py, &read(set, binding).map_err(raised)?)
+    let at = place.in_programs(programs)?;
+    if let Some(block) = block(programs, at)
+        && let Some((name, offset)) = last_numbers(block)
+    {
+        return with_last_numbers(py, block, &name, offset, bytes(at.set, at.binding).map_err(raised)?);
+    }
+    to_python(py, &read(at.set, at.binding).map_err(raised)?)
+}
+
+/// The array of numbers or vectors that ends a block, whose length is open: its name and offset.
+fn last_numbers(block: Layout<'_>) -> Option<(String, usize)> {
+    let is_number = |ty| matches!(block.module.ty(ty), Type::Int { .. } | Type::Float { encoding: None, .. });
+    let Type::Struct { members, .. } = block.module.ty(block.ty) else { return None };
+    let (offset, last) = block.members().last()?;
+    let Type::RuntimeArray { element, .. } = *block.module.ty(last.ty) else { return None };
+    let fits = match *block.module.ty(element) {
+        Type::Vector { component, .. } => is_number(component),
+        _ => is_number(element),
+    };
+    let name = members.last().map(|member| member.name.to_string()).filter(|name| !name.is_empty());
+    fits.then(|| (name.unwrap_or_else(|| format!("_{}", members.len() - 1)), offset))
+}
+
+/// A block whose last member may be millions of numbers: numpy converts them.
+fn with_last_numbers<'py>(
+    py: Python<'py>,
+    block: Layout<'_>,
+    name: &str,
+    offset: usize,
+    mut bytes: Vec<u8>,
+) -> PyResult<Bound<'py, PyAny>> {
+    let last = bytes.split_off(offset.min(bytes.len()));
+    let values = to_python(py, &block.read(&bytes))?;
+    let numbers = runtime_array(py, block, last)?;
+    values.set_item(name, numbers.call_method0("tolist")?)?;
+    Ok(values)
 }
 
 /// A buffer as an array of a dtype, else of the type that a shader declares.
@@ -128,7 +165,9 @@ impl Launched {
         set: &Bound<'py, PyAny>,
         binding: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        buffer(py, (set, binding), &self.programs, |set, binding| self.launched.buffer(set, binding))
+        let bytes = |set, binding| self.launched.buffer_bytes(set, binding);
+        let read = |set, binding| self.launched.buffer(set, binding);
+        buffer(py, (set, binding), &self.programs, read, bytes)
     }
 
     /// A buffer as an array of a dtype; without one, of the type that the shader declares.
@@ -304,7 +343,9 @@ impl ShaderOutcome {
         set: &Bound<'py, PyAny>,
         binding: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        buffer(py, (set, binding), &self.programs, |set, binding| self.outcome.buffer(set, binding))
+        let bytes = |set, binding| self.outcome.buffer_bytes(set, binding);
+        let read = |set, binding| self.outcome.buffer(set, binding);
+        buffer(py, (set, binding), &self.programs, read, bytes)
     }
 
     /// A buffer as an array of a dtype; without one, of the type that the shader declares.

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import array
 import struct
+import time
 from typing import Any
 
 import anyhit
@@ -56,16 +58,16 @@ def module() -> anyhit.Module:
 
 
 def lights(dtype: Any, count: int = 3) -> Any:
-    array: Any = np.zeros(count, dtype)
-    array["c"] = [1, 2, 3]
-    array["k"] = 10
-    return array
+    made: Any = np.zeros(count, dtype)
+    made["c"] = [1, 2, 3]
+    made["k"] = 10
+    return made
 
 
-def launch(module: anyhit.Module, array: Any) -> Any:
+def launch(module: anyhit.Module, given: Any) -> Any:
     single: Any = np.zeros(1, LIGHT)
     single["p"] = [4, 0, 0]
-    scene = anyhit.Scene([]).buffer(0, 0, array).buffer("sums", np.zeros(3, np.float32))
+    scene = anyhit.Scene([]).buffer(0, 0, given).buffer("sums", np.zeros(3, np.float32))
     scene = scene.buffer("two", np.array([[3, 0, 0, 0], [0, 5, 0, 0]], np.uint32)).buffer("single", single)
     pipeline = anyhit.Pipeline(ray_generation=anyhit.Program(module, "add"))
     return pipeline.launch(scene, 3).read_buffer("sums").tolist()
@@ -105,9 +107,8 @@ def test_structs_have_the_layout_of_the_shader(module: anyhit.Module) -> None:
     ],
 )
 def test_other_structs_are_refused(module: anyhit.Module, dtype: Any, message: str) -> None:
-    array = np.zeros(4, dtype)
     with pytest.raises(anyhit.InvalidArgument, match=message):
-        launch(module, array)
+        launch(module, np.zeros(4, dtype))
 
 
 def test_a_struct_alone_is_one_element(module: anyhit.Module) -> None:
@@ -219,3 +220,59 @@ def test_outcomes_and_scenes_are_values(module: anyhit.Module) -> None:
     assert second.read_buffer("sums").tolist() == [22] * 3
     assert first != second and first == pipeline.launch(scene, 3)
     assert scene.read_buffer("sums", np.float32).tolist() == [0] * 3
+
+
+def test_whatever_has_an_array_is_one(module: anyhit.Module) -> None:
+    class Tensor:
+        """As a tensor of another package."""
+
+        def __init__(self, array: Any) -> None:
+            self.array = array
+
+        def __array__(self, dtype: Any = None, copy: Any = None) -> Any:
+            return self.array
+
+    test = fill(module)
+    given: Any
+    for given in [array.array("f", [4, 5]), Tensor(np.array([4, 5], np.float32))]:
+        assert test.buffer("sums", given).run().read_buffer("sums").tolist() == [6, 5]
+        scene = anyhit.Scene([anyhit.Instance.spheres([[0, 0, 0], [4, 0, 0]], given)])
+        assert repr(scene) == "<anyhit.Scene: 1 instance>"
+    for given in [array.array("d", [4, 5]), Tensor(np.array([4.5, 5]))]:
+        with pytest.raises(anyhit.InvalidArgument, match="given as `f64`"):
+            test.buffer("sums", given).run()
+    masked: Any = np.ma.masked_array(np.ones(2, np.float32), [True, False])
+    for call in [
+        lambda: test.buffer("sums", masked),
+        lambda: anyhit.Instance.spheres([[0, 0, 0], [4, 0, 0]], masked),
+        lambda: test.buffer("params", {"sizes": masked}),
+    ]:
+        with pytest.raises(anyhit.InvalidArgument, match="has a mask"):
+            call()
+
+
+def test_buffers_of_millions_of_numbers_are_read_by_numpy(module: anyhit.Module) -> None:
+    test = fill(module)
+    many = np.arange(2_000_000, dtype=np.float32)
+    outcome = test.buffer("sums", many).run()
+    began = time.monotonic()
+    values = outcome.buffer("sums")
+    took = time.monotonic() - began
+    (numbers,) = values.values() if isinstance(values, dict) else (values,)
+    assert numbers[:3] == [6, 1, 2] and len(numbers) == 2_000_000 and isinstance(numbers[1], float)
+    began = time.monotonic()
+    outcome.read_buffer("sums").tolist()
+    assert took < 20 * (time.monotonic() - began) + 1
+    # Elements with padding, members before the array, and an array without elements.
+    assert outcome.buffer("points")["_0"] == [[0, 2, 3], [1, 2, 3]]
+    assert outcome.buffer("params")["sizes"] == [1, 9, 3]
+    assert outcome.buffer("params")["sun"]["c"] == [0, 0, 9]
+    empty = anyhit.Module.from_source("e.wgsl", EMPTY)
+    assert anyhit.ComputeTest(empty).buffer(0, 0, bytes(4)).run().buffer(0, 0) == {"count": 0, "rest": []}
+
+
+EMPTY = """
+struct Counted { count: u32, rest: array<f32> }
+@group(0) @binding(0) var<storage, read_write> counted: Counted;
+@compute @workgroup_size(1) fn main() { counted.count = arrayLength(&counted.rest); }
+"""
