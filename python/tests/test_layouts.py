@@ -241,7 +241,8 @@ def test_whatever_has_an_array_is_one(module: anyhit.Module) -> None:
     for given in [array.array("d", [4, 5]), Tensor(np.array([4.5, 5]))]:
         with pytest.raises(anyhit.InvalidArgument, match="given as `f64`"):
             test.buffer("sums", given).run()
-    masked: Any = np.ma.masked_array(np.ones(2, np.float32), [True, False])
+    masks: Any = np.ma
+    masked = masks.masked_array(np.ones(2, np.float32), [True, False])
     for call in [
         lambda: test.buffer("sums", masked),
         lambda: anyhit.Instance.spheres([[0, 0, 0], [4, 0, 0]], masked),

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import anyhit
 import pytest
+from conftest import FIXTURES
 
 GLSL = """#version 460
 #extension GL_EXT_ray_tracing : require
@@ -152,6 +153,25 @@ def test_the_slangc_of_slangtorch_is_found(tmp_path: Path) -> None:
 def test_the_command_says_how_to_get_the_program() -> None:
     ended = subprocess.run([sys.executable, "-m", "anyhit"], capture_output=True, text=True)
     assert ended.returncode == 1 and "cargo install" in ended.stderr and ended.stderr.count("\n") == 1
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="SKIPPED: a program is a script of sh")
+@pytest.mark.parametrize("changed", [False, True])
+def test_a_file_that_changes_while_it_is_compiled_is_not_kept(
+    tmp_path: Path, cache: Path, monkeypatch: pytest.MonkeyPatch, changed: bool
+) -> None:
+    tool = tmp_path / "slangc"
+    module = FIXTURES / "pass/sphere/closest-hit/main.rmiss.spv"
+    change = "echo '// more' >> a.slang\n" if changed else ""
+    tool.write_text(f'#!/bin/sh\nwhile [ "$1" != -o ]; do shift; done\ncp {module} "$2"\n{change}')
+    tool.chmod(0o755)
+    monkeypatch.setenv("SLANGC", str(tool))
+    (tmp_path / "a.slang").write_text("// the compiler of this test does not read it\n")
+    monkeypatch.chdir(tmp_path)
+    opened = anyhit.Module.open("a.slang")
+    assert opened.entry_points == anyhit.Module.open(module).entry_points
+    # The module may be of either text: it belongs to no key.
+    assert len(list(cache.iterdir()) if cache.is_dir() else []) == (0 if changed else 1)
 
 
 def test_entries_of_other_versions_are_not_read(cache: Path) -> None:

@@ -209,13 +209,6 @@ impl Source {
         Ok(())
     }
 
-    /// True if an included file can be named only by a preprocessor, so that [`Source::closure`]
-    /// may lack it.
-    #[cfg(feature = "compilers")]
-    pub(super) fn has_computed_includes(&self) -> bool {
-        self.closure().values().any(|text| has_computed_include(text))
-    }
-
     /// Everything that the result depends on: this text and, by name, the text of each file that an
     /// `#include`, `import` or `__include` reaches, even in a false conditional. Files that
     /// are not found are skipped: the compiler's own modules, or names that macros make.
