@@ -5,7 +5,7 @@ from __future__ import annotations
 import array
 import struct
 import time
-from typing import Any
+from typing import Any, Callable
 
 import anyhit
 import numpy as np
@@ -243,11 +243,12 @@ def test_whatever_has_an_array_is_one(module: anyhit.Module) -> None:
             test.buffer("sums", given).run()
     masks: Any = np.ma
     masked = masks.masked_array(np.ones(2, np.float32), [True, False])
-    for call in [
+    calls: list[Callable[[], object]] = [
         lambda: test.buffer("sums", masked),
         lambda: anyhit.Instance.spheres([[0, 0, 0], [4, 0, 0]], masked),
         lambda: test.buffer("params", {"sizes": masked}),
-    ]:
+    ]
+    for call in calls:
         with pytest.raises(anyhit.InvalidArgument, match="has a mask"):
             call()
 

@@ -2,6 +2,7 @@
 
 use std::cell::RefCell;
 use std::fmt;
+use std::panic::RefUnwindSafe;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 use std::thread::{self, ThreadId};
@@ -28,6 +29,9 @@ struct Shared {
     asked: AtomicU64,
     ask: Box<dyn Fn() -> bool + Send + Sync>,
 }
+
+/// A panic of `ask` leaves nothing half changed.
+impl RefUnwindSafe for Shared {}
 
 impl Interrupt {
     /// Returns an interrupt that asks the host on this thread whether to end.
