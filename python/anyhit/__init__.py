@@ -5,17 +5,27 @@ Arrays are numpy's: what is many goes in and out as float32 and uint32, without 
 possible. Errors are exceptions (``anyhit.Error``), a shader that misbehaves raises ``anyhit.Trap``.
 """
 
+import os as _os
+import shutil as _shutil
+from importlib.util import find_spec as _find_spec
+
 from ._anyhit import (
+    ComputeOutcome,
+    ComputeTest,
+    DeviceBuffers,
     EntryPoint,
+    ExecuteCall,
     Finished,
     Hit,
     Instance,
     Launched,
     LoadedScene,
     Module,
+    ModuleBinding,
     Pipeline,
     Program,
     Ray,
+    Sampler,
     Scene,
     SceneOutcome,
     ShaderOutcome,
@@ -37,6 +47,7 @@ from .errors import (
     InvalidRecording,
     InvalidScene,
     InvalidSource,
+    InvalidType,
     IoError,
     Trap,
     UnsupportedFile,
@@ -44,9 +55,30 @@ from .errors import (
     UnsupportedTool,
 )
 
+
+
+def _find_slangc() -> None:
+    """Lets Slang sources be compiled by the slangc of an installed slangtorch, unless another one is
+    on PATH or named by the environment variable SLANGC."""
+    if _os.environ.get("SLANGC") or _shutil.which("slangc"):
+        return
+    spec = _find_spec("slangtorch")
+    for folder in spec.submodule_search_locations or [] if spec else []:
+        found = _shutil.which("slangc", path=_os.path.join(folder, "bin"))
+        if found:
+            _os.environ["SLANGC"] = found
+            return
+
+
+_find_slangc()
+
 __all__ = [
+    "ComputeOutcome",
+    "ComputeTest",
+    "DeviceBuffers",
     "EntryPoint",
     "Error",
+    "ExecuteCall",
     "Expectation",
     "Finding",
     "Finished",
@@ -59,13 +91,16 @@ __all__ = [
     "InvalidRecording",
     "InvalidScene",
     "InvalidSource",
+    "InvalidType",
     "IoError",
     "Launched",
     "LoadedScene",
     "Module",
+    "ModuleBinding",
     "Pipeline",
     "Program",
     "Ray",
+    "Sampler",
     "Scene",
     "SceneOutcome",
     "ShaderOutcome",

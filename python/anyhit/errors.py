@@ -19,6 +19,7 @@ __all__ = [
     "InvalidRecording",
     "InvalidScene",
     "InvalidSource",
+    "InvalidType",
     "IoError",
     "Trap",
     "UnsupportedFile",
@@ -120,6 +121,10 @@ class InvalidSource(Error, ValueError):
 
 class InvalidArgument(Error, ValueError):
     """An argument makes no sense: an array of another shape, a member that is not there."""
+
+
+class InvalidType(InvalidArgument, TypeError):
+    """An argument is an object of another class."""
 
 
 class UnsupportedModule(Error, NotImplementedError):

@@ -7,14 +7,21 @@ Items run in any order and in any process: pytest-xdist may share them (``-n``).
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Optional, Union
 
 import pytest
+from _pytest._code.code import (
+    ReprEntryNative,
+    ReprExceptionInfo,
+    ReprFileLocation,
+    ReprTraceback,
+)
 
 if TYPE_CHECKING:
-    from . import Suite
+    from . import Finished, Suite
 
 _SCENE = "scene.toml"
 _RAYS = ".test.toml"
@@ -58,6 +65,10 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     )
 
 
+def pytest_configure(config: pytest.Config) -> None:
+    config.addinivalue_line("markers", "anyhit: a launch or a ray of a scene file, run by anyhit")
+
+
 def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> Optional[SceneFile]:
     if file_path.name == _SCENE or file_path.name.endswith(_RAYS):
         file: SceneFile = SceneFile.from_parent(parent, path=file_path)
@@ -68,6 +79,11 @@ def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> Optional[S
 class CaseFailed(Exception):
     """A case did not pass; the message is its report."""
 
+    def __init__(self, finished: Finished) -> None:
+        super().__init__(_in_python(finished.text.rstrip()))
+        self.reason = finished.reason
+        self.place = finished.place
+
 
 class SceneFile(pytest.File):
     """A ``scene.toml`` or a ``*.test.toml``."""
@@ -76,6 +92,12 @@ class SceneFile(pytest.File):
         from . import Suite
 
         suite = Suite(_shown(self.path))
+        if not suite.names:
+            self.warn(
+                pytest.PytestCollectionWarning(
+                    f"{self.path.name} has no test: no launch and no ray of it expects anything"
+                )
+            )
         for at, name in enumerate(suite.names):
             yield CaseItem.from_parent(self, name=_item_name(name), suite=suite, at=at)
 
@@ -87,6 +109,7 @@ class CaseItem(pytest.Item):
         super().__init__(**kwargs)
         self._suite = suite
         self._at = at
+        self.add_marker("anyhit")
 
     def runtest(self) -> None:
         option = self.config.getoption
@@ -102,15 +125,29 @@ class CaseItem(pytest.Item):
         if finished.outcome == "known failure":
             pytest.xfail(finished.text)
         if finished.outcome != "passed":
-            raise CaseFailed(finished.text.rstrip())
+            raise CaseFailed(finished)
 
     def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], *args: Any) -> Any:
-        if isinstance(excinfo.value, CaseFailed):
-            return str(excinfo.value)
+        failed = excinfo.value
+        if isinstance(failed, CaseFailed):
+            # The short summary and `--tb=line` show the reason and its place.
+            file, line = failed.place or (str(_shown(self.path)), 0)
+            crash = ReprFileLocation(file, line, failed.reason)
+            entries = [ReprEntryNative([f"{failed}\n"])]
+            return ReprExceptionInfo(reprcrash=crash, reprtraceback=ReprTraceback(entries, None, "native"))
         return super().repr_failure(excinfo, *args)
 
     def reportinfo(self) -> tuple[Union[os.PathLike[str], str], Optional[int], str]:
         return self.path, None, self.name
+
+
+def _in_python(report: str) -> str:
+    """A report whose hint is a call in place of a command."""
+    return re.sub(
+        r'see also: anyhit trace-one-ray (\S+) --ray ("[^"\\]*")$',
+        r'see also: anyhit.Scene.open("\1").explain(\2)',
+        report,
+    )
 
 
 def _shown(path: Path) -> Path:

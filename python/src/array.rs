@@ -5,10 +5,36 @@ use anyhit_unit_test::data::HostBytes;
 use numpy::{Element, PyArrayDescrMethods, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn};
 use numpy::{PyUntypedArray, PyUntypedArrayMethods};
 use pyo3::prelude::*;
-use pyo3::types::PyBytes;
+use pyo3::types::PyType;
 
+use crate::argument::{bytes_of, class, wrong_class};
+use crate::dtype::{check_byte_order, host_type};
 use crate::error::invalid;
 use crate::numbers::{Number, rectangular};
+
+/// An array of numpy, or of an object that has one: by `__array__` (tensors of a CPU), or an
+/// `array.array`; `None` for another object.
+///
+/// # Errors
+/// `InvalidArgument` for an array with a mask, whose masked numbers are none.
+pub(crate) fn array_of<'py>(
+    name: &str,
+    given: &Bound<'py, PyAny>,
+) -> PyResult<Option<Bound<'py, PyUntypedArray>>> {
+    if let Ok(array) = given.cast::<PyUntypedArray>() {
+        if class(given) == "MaskedArray" {
+            return Err(invalid(format!("{name}: the array has a mask: `numpy.ma.filled({name})` has none")));
+        }
+        return Ok(Some(array.clone()));
+    }
+    let has_array = !given.is_instance_of::<PyType>()
+        && (given.hasattr("__array__")? || class(given) == "array" && given.hasattr("typecode")?);
+    if !has_array {
+        return Ok(None);
+    }
+    let array = given.py().import("numpy")?.call_method1("asarray", (given,))?;
+    Ok(Some(array.cast_into::<PyUntypedArray>()?))
+}
 
 /// The array of an argument, C-contiguous and of this dtype.
 pub(crate) fn typed<'py, T: Number>(
@@ -17,9 +43,9 @@ pub(crate) fn typed<'py, T: Number>(
 ) -> PyResult<PyReadonlyArrayDyn<'py, T>> {
     let py = given.py();
     let wanted = numpy::dtype::<T>(py);
-    let array = match given.cast::<PyUntypedArray>() {
-        Ok(array) => array.clone(),
-        Err(_) => {
+    let array = match array_of(name, given)? {
+        Some(array) => array,
+        None => {
             let (numbers, lengths) = rectangular::<T>(name, given)?;
             let array = numpy::PyArray1::from_vec(py, numbers);
             array.call_method1("reshape", (lengths,))?.cast_into::<PyUntypedArray>()?
@@ -46,9 +72,13 @@ pub(crate) fn slice<'a, T: Element>(name: &str, array: &'a PyReadonlyArrayDyn<'_
 }
 
 fn wrong_shape(name: &str, shape: &[usize], wanted: &str) -> PyErr {
-    let shape: Vec<String> = shape.iter().map(ToString::to_string).collect();
-    let comma = if shape.len() == 1 { "," } else { "" };
-    invalid(format!("{name}: an array of shape ({}{comma}), not {wanted}", shape.join(", ")))
+    invalid(format!("{name}: an array of shape {}, not {wanted}", shape_text(shape)))
+}
+
+/// A shape as Python writes it: `(3,)`.
+pub(crate) fn shape_text(shape: &[usize]) -> String {
+    let sides: Vec<String> = shape.iter().map(ToString::to_string).collect();
+    format!("({}{})", sides.join(", "), if sides.len() == 1 { "," } else { "" })
 }
 
 /// Rows of three floats: (N, 3), or (3,) for a single one.
@@ -124,16 +154,13 @@ pub(crate) fn copied_rows<const N: usize>(
     Ok(slice(name, &array)?.as_chunks::<N>().0.to_vec())
 }
 
-/// The bytes of an array of any dtype, C-contiguous, or of `bytes`.
+/// The bytes of an array of any dtype, C-contiguous, or of an object that is made of bytes.
 pub(crate) fn bytes(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Vec<u8>> {
-    if let Ok(bytes) = given.cast::<PyBytes>() {
-        return Ok(bytes.as_bytes().to_vec());
+    if let Some(bytes) = bytes_of(given)? {
+        return Ok(bytes);
     }
-    let Ok(array) = given.cast::<PyUntypedArray>() else {
-        return Err(invalid(format!(
-            "{name}: a numpy array, a dict or bytes are wanted, not a {}",
-            given.get_type()
-        )));
+    let Some(array) = array_of(name, given)? else {
+        return Err(wrong_class(name, "a numpy array, a dict or bytes", given));
     };
     if !array.is_c_contiguous() {
         return Err(invalid(format!(
@@ -145,28 +172,25 @@ pub(crate) fn bytes(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Vec<u8>> {
     Ok(slice(name, &flat)?.to_vec())
 }
 
-/// An array with its type, which is compared with the shaders': scalars, or structs by their size.
-/// `bytes` and `uint8`s are bytes of any type.
+/// An array with its type, which is compared with the shaders'. Bytes and arrays of `uint8` have
+/// none.
 pub(crate) fn typed_bytes(name: &str, given: &Bound<'_, PyAny>) -> PyResult<HostBytes> {
-    let Ok(array) = given.cast::<PyUntypedArray>() else { return Ok(HostBytes::raw(&bytes(name, given)?)) };
+    let Some(array) = array_of(name, given)? else { return Ok(HostBytes::raw(&bytes(name, given)?)) };
     let dtype = array.dtype();
-    let (kind, size) = (dtype.kind(), dtype.itemsize());
-    if !dtype.is_native_byteorder().unwrap_or(true) {
-        return Err(invalid(format!(
-            "{name}: an array of {dtype} has another byte order: convert it with `{name}.astype({name}.dtype.newbyteorder('='))`"
-        )));
-    }
-    let scalar = match kind {
+    check_byte_order(name, &dtype)?;
+    let size = dtype.itemsize();
+    let scalar = match dtype.kind() {
         b'f' if size <= 8 => format!("f{}", 8 * size),
         b'u' => format!("u{}", 8 * size),
         b'i' => format!("i{}", 8 * size),
         b'V' if dtype.has_fields() => {
-            return Ok(HostBytes::of_elements(&dtype.to_string(), size, bytes(name, given)?));
+            return Ok(HostBytes::of_structs(host_type(name, &dtype)?, bytes(name, given)?));
         }
         b'V' => return Ok(HostBytes::raw(&bytes(name, given)?)),
         b'b' => {
             return Err(invalid(format!(
-                "{name}: an array of bool does not match a bool in a buffer, which has 32 bits: use `{name}.astype(numpy.uint32)`"
+                "{name}: an array of bool does not match a bool in a buffer, which has 32 bits: use \
+                 `{name}.astype(numpy.uint32)`"
             )));
         }
         _ => return Err(invalid(format!("{name}: an array of {dtype} has no equivalent in a shader"))),

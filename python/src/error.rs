@@ -4,6 +4,8 @@ use anyhit::{Error, ErrorKind, Place, Trap};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
+use crate::words::in_python;
+
 /// An error of the crate as the exception of its kind.
 pub(crate) fn raised(error: Error) -> PyErr {
     Python::attach(|py| match exception(py, &error) {
@@ -28,6 +30,17 @@ pub(crate) fn invalid(message: impl Into<String>) -> PyErr {
     raised(Error::new(ErrorKind::InvalidArgument, message))
 }
 
+/// An object of the wrong class among the arguments of a call.
+pub(crate) fn invalid_type(message: impl Into<String>) -> PyErr {
+    Python::attach(|py| {
+        let error = Error::new(ErrorKind::InvalidArgument, message);
+        let exception = details(py, &error).and_then(|details| {
+            py.import("anyhit.errors")?.getattr("InvalidType")?.call1((error.render(), details))
+        });
+        exception.map_or_else(|instead| instead, PyErr::from_value)
+    })
+}
+
 /// An exception, raised by a callback of Python's, as an error that passes through the crate.
 pub(crate) fn from_python(py: Python<'_>, raised: &PyErr) -> Error {
     let text = raised.value(py).to_string();
@@ -36,15 +49,16 @@ pub(crate) fn from_python(py: Python<'_>, raised: &PyErr) -> Error {
 
 fn exception<'py>(py: Python<'py>, error: &Error) -> PyResult<Bound<'py, PyAny>> {
     let make = py.import("anyhit.errors")?.getattr("of")?;
-    make.call1((error.render(), details(py, error)?))
+    make.call1((in_python(&error.render()), details(py, error)?))
 }
 
 /// What the exception has as attributes.
 fn details<'py>(py: Python<'py>, error: &Error) -> PyResult<Bound<'py, PyDict>> {
     let details = PyDict::new(py);
     details.set_item("kind", format!("{:?}", error.kind()))?;
-    details.set_item("message", error.message())?;
-    details.set_item("notes", error.notes())?;
+    details.set_item("message", in_python(error.message()))?;
+    let notes: Vec<String> = error.notes().iter().map(|note| in_python(note)).collect();
+    details.set_item("notes", notes)?;
     let places = PyList::empty(py);
     for (place, _) in error.places() {
         if let Some(place) = span(place) {
@@ -52,8 +66,11 @@ fn details<'py>(py: Python<'py>, error: &Error) -> PyResult<Bound<'py, PyDict>> 
         }
     }
     details.set_item("places", places)?;
-    let others: PyResult<Vec<_>> =
-        error.others().iter().map(|other| Ok((other.render(), self::details(py, other)?))).collect();
+    let others: PyResult<Vec<_>> = error
+        .others()
+        .iter()
+        .map(|other| Ok((in_python(&other.render()), self::details(py, other)?)))
+        .collect();
     details.set_item("others", others?)?;
     let io = std::error::Error::source(error).and_then(|source| source.downcast_ref::<std::io::Error>());
     details.set_item("errno", io.and_then(std::io::Error::raw_os_error))?;
@@ -64,7 +81,7 @@ fn details<'py>(py: Python<'py>, error: &Error) -> PyResult<Bound<'py, PyDict>> 
 }
 
 /// File, line and column of a place; of a word of a module nothing.
-fn span(place: &Place) -> Option<(String, u32, u32)> {
+pub(crate) fn span(place: &Place) -> Option<(String, u32, u32)> {
     match place {
         Place::Text { file, text, span } => {
             let before = text.get(..span.start).unwrap_or(text);

@@ -1,12 +1,15 @@
 //! What rays meet: instances of geometries, and the hits of unit tests.
 
-use anyhit::{EndCaps, GeometryData, GeometryFlags, Indexing, InstanceFlags, RayFlags};
+use std::hash::{DefaultHasher, Hash, Hasher};
+
+use anyhit::{EndCaps, GeometryData, GeometryFlags, Indexing, InstanceFlags, Motion, RayFlags};
 use numpy::PyUntypedArrayMethods;
 use pyo3::prelude::*;
 
+use crate::argument::{self, Vertices};
 use crate::array::{copied_rows, slice, typed};
 use crate::error::invalid;
-use crate::numbers::{F32, Plain};
+use crate::used::Use;
 
 /// A ray: origin, direction and interval.
 #[pyclass(frozen, module = "anyhit")]
@@ -20,12 +23,16 @@ impl Ray {
     /// A ray; t counts lengths of the direction.
     #[new]
     #[pyo3(
-        signature = (origin, direction, t_min=F32(0.0), t_max=F32(f32::INFINITY)),
+        signature = (origin, direction, t_min=0.0, t_max=f32::INFINITY),
         text_signature = "(origin, direction, t_min=0.0, t_max=...)"
     )]
-    fn new(origin: [F32; 3], direction: [F32; 3], t_min: F32, t_max: F32) -> Self {
-        let ray = anyhit::Ray::new(origin.plain(), direction.plain());
-        Self { ray: ray.with_interval(t_min.plain(), t_max.plain()) }
+    fn new(
+        #[pyo3(from_py_with = argument::origin)] origin: [f32; 3],
+        #[pyo3(from_py_with = argument::direction)] direction: [f32; 3],
+        #[pyo3(from_py_with = argument::t_min)] t_min: f32,
+        #[pyo3(from_py_with = argument::t_max)] t_max: f32,
+    ) -> Self {
+        Self { ray: anyhit::Ray::new(origin, direction).with_interval(t_min, t_max) }
     }
 
     /// The origin.
@@ -52,6 +59,24 @@ impl Ray {
         self.ray.t_max
     }
 
+    fn __eq__(&self, other: &Self) -> bool {
+        self.ray == other.ray
+    }
+
+    fn __hash__(&self) -> u64 {
+        let mut hasher = DefaultHasher::new();
+        let anyhit::Ray { origin, direction, t_min, t_max } = self.ray;
+        // -0.0 equals 0.0.
+        let numbers = origin.into_iter().chain(direction).chain([t_min, t_max]);
+        numbers.for_each(|number| (number + 0.0).to_bits().hash(&mut hasher));
+        hasher.finish()
+    }
+
+    fn __getnewargs__(&self) -> ([f32; 3], [f32; 3], f32, f32) {
+        let anyhit::Ray { origin, direction, t_min, t_max } = self.ray;
+        (origin, direction, t_min, t_max)
+    }
+
     fn __repr__(&self) -> String {
         let anyhit::Ray { origin, direction, t_min, t_max } = self.ray;
         format!("Ray({origin:?}, {direction:?}, t_min={t_min:?}, t_max={t_max:?})")
@@ -59,14 +84,22 @@ impl Ray {
 }
 
 /// Geometries of one kind each, placed in a scene.
-#[pyclass(frozen, module = "anyhit", from_py_object)]
+#[pyclass(frozen, module = "anyhit")]
 #[derive(Clone)]
 pub(crate) struct Instance {
     pub(crate) instance: anyhit::Instance,
+    used: Use,
 }
 
 fn of(data: GeometryData) -> Instance {
-    Instance { instance: anyhit::Instance::of(data) }
+    Instance { instance: anyhit::Instance::of(data), used: Use::free() }
+}
+
+impl Instance {
+    fn with(&self, method: &'static str, change: impl FnOnce(anyhit::Instance) -> anyhit::Instance) -> Self {
+        self.used.mark();
+        Self { instance: change(self.instance.clone()), used: Use::of("Instance", method) }
+    }
 }
 
 /// Indices of an array, in any shape.
@@ -106,7 +139,7 @@ impl Instance {
         positions: &Bound<'_, PyAny>,
         radii: &Bound<'_, PyAny>,
         indices: Option<&Bound<'_, PyAny>>,
-        end_caps: bool,
+        #[pyo3(from_py_with = argument::end_caps)] end_caps: bool,
     ) -> PyResult<Self> {
         let indices = self::indices(indices)?;
         Ok(of(GeometryData::LinearSweptSpheres {
@@ -126,52 +159,75 @@ impl Instance {
 
     /// Adds the geometries of another instance behind its own: `RayGeometryIndexKHR` counts them.
     /// Transform, index, mask and the rest are those of the first.
-    fn and_(&self, other: &Self) -> Self {
-        Self { instance: self.instance.clone().and(other.instance.clone()) }
+    fn and_(&self, #[pyo3(from_py_with = argument::other)] other: Self) -> Self {
+        self.with("and_", |instance| instance.and(other.instance))
     }
 
     /// Makes the geometries that it has so far opaque: no any-hit shader runs.
     fn opaque(&self) -> Self {
-        Self { instance: self.instance.clone().opaque() }
+        self.with("opaque", |instance| instance.opaque())
     }
 
     /// Adds flags of `VkGeometryFlagBitsKHR` to the geometries that it has so far.
-    fn geometry_flags(&self, flags: u32) -> Self {
-        Self { instance: self.instance.clone().geometry_flags(GeometryFlags(flags)) }
+    fn geometry_flags(&self, #[pyo3(from_py_with = argument::flags)] flags: u32) -> Self {
+        self.with("geometry_flags", |instance| instance.geometry_flags(GeometryFlags(flags)))
     }
 
     /// Object to world: three rows of four numbers, (3, 4).
     fn transform(&self, matrix: &Bound<'_, PyAny>) -> PyResult<Self> {
-        let rows = copied_rows::<4>("matrix", matrix, &[&[4]])?;
-        let rows: [[f32; 4]; 3] =
-            rows.try_into().map_err(|rows: Vec<_>| invalid(format!("matrix: {} rows, not 3", rows.len())))?;
-        Ok(Self { instance: self.instance.clone().transform(rows) })
+        let rows = self::matrix("matrix", matrix)?;
+        Ok(self.with("transform", |instance| instance.transform(rows)))
+    }
+
+    /// Moves it while the time of rays goes from 0 to 1: its transforms at both ends, (3, 4), in
+    /// place of a transform.
+    fn motion(&self, start: &Bound<'_, PyAny>, end: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let motion = Motion::Matrix([matrix("start", start)?, matrix("end", end)?]);
+        Ok(self.with("motion", |instance| instance.motion(motion)))
+    }
+
+    /// Sets where the vertices of its last geometry, triangles, are at time 1: (V, 3). Its own are
+    /// those of time 0.
+    fn vertices_t1(&self, vertices: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let vertices: Vec<[f32; 3]> = copied_rows("vertices", vertices, &[&[3], &[3, 3]])?;
+        Ok(self.with("vertices_t1", |instance| instance.vertices_t1(vertices)))
+    }
+
+    /// Sets the cluster of its last geometry.
+    fn cluster_id(&self, #[pyo3(from_py_with = argument::cluster_id)] cluster_id: u32) -> Self {
+        self.with("cluster_id", |instance| instance.cluster_id(cluster_id))
     }
 
     /// Moves it: adds to the last column of its transform.
-    fn translate(&self, by: [F32; 3]) -> Self {
-        Self { instance: self.instance.clone().translate(by.plain()) }
+    fn translate(&self, #[pyo3(from_py_with = argument::by)] by: [f32; 3]) -> Self {
+        self.with("translate", |instance| instance.translate(by))
     }
 
     /// Sets `InstanceCustomIndexKHR`.
-    fn custom_index(&self, custom_index: u32) -> Self {
-        Self { instance: self.instance.clone().custom_index(custom_index) }
+    fn custom_index(&self, #[pyo3(from_py_with = argument::custom_index)] custom_index: u32) -> Self {
+        self.with("custom_index", |instance| instance.custom_index(custom_index))
     }
 
     /// Sets the mask that the cull masks of rays are compared with; 0xFF unless set.
-    fn mask(&self, mask: u8) -> Self {
-        Self { instance: self.instance.clone().mask(mask) }
+    fn mask(&self, #[pyo3(from_py_with = argument::mask)] mask: u8) -> Self {
+        self.with("mask", |instance| instance.mask(mask))
     }
 
     /// Sets `instanceShaderBindingTableRecordOffset`.
-    fn sbt_offset(&self, sbt_offset: u32) -> Self {
-        Self { instance: self.instance.clone().sbt_offset(sbt_offset) }
+    fn sbt_offset(&self, #[pyo3(from_py_with = argument::sbt_offset)] sbt_offset: u32) -> Self {
+        self.with("sbt_offset", |instance| instance.sbt_offset(sbt_offset))
     }
 
     /// Sets flags of `VkGeometryInstanceFlagBitsKHR`.
-    fn flags(&self, flags: u32) -> Self {
-        Self { instance: self.instance.clone().flags(InstanceFlags(flags)) }
+    fn flags(&self, #[pyo3(from_py_with = argument::flags)] flags: u32) -> Self {
+        self.with("flags", |instance| instance.flags(InstanceFlags(flags)))
     }
+}
+
+/// A transform: three rows of four numbers.
+pub(crate) fn matrix(name: &str, given: &Bound<'_, PyAny>) -> PyResult<[[f32; 4]; 3]> {
+    let rows = copied_rows::<4>(name, given, &[&[4]])?;
+    rows.try_into().map_err(|rows: Vec<_>| invalid(format!("{name}: {} rows, not 3", rows.len())))
 }
 
 /// Radii: (N,), or a single number.
@@ -198,35 +254,56 @@ impl Hit {
     /// The hit of an instance by a ray: of what the ray meets first.
     #[new]
     #[pyo3(
-        signature = (instance, ray, *, ray_flags=0, cull_mask=0xFF, time=F32(0.0)),
+        signature = (instance, ray, *, ray_flags=0, cull_mask=0xFF, time=0.0),
         text_signature = "(instance, ray, *, ray_flags=0, cull_mask=255, time=0.0)"
     )]
-    fn new(instance: &Instance, ray: &Ray, ray_flags: u32, cull_mask: u32, time: F32) -> Self {
-        let hit = anyhit::Hit::of(instance.instance.clone()).ray(ray.ray);
-        Self { hit: hit.ray_flags(RayFlags(ray_flags)).cull_mask(cull_mask).time(time.plain()) }
+    fn new(
+        #[pyo3(from_py_with = argument::instance)] instance: Instance,
+        #[pyo3(from_py_with = argument::ray)] ray: Ray,
+        #[pyo3(from_py_with = argument::ray_flags)] ray_flags: u32,
+        #[pyo3(from_py_with = argument::cull_mask)] cull_mask: u8,
+        #[pyo3(from_py_with = argument::time)] time: f32,
+    ) -> Self {
+        let hit = anyhit::Hit::of(instance.instance).ray(ray.ray);
+        Self { hit: hit.ray_flags(RayFlags(ray_flags)).cull_mask(cull_mask.into()).time(time) }
     }
 
     /// The hit of a sphere.
     #[staticmethod]
-    fn sphere(position: [F32; 3], radius: F32, ray: &Ray) -> Self {
-        Self { hit: anyhit::Hit::sphere(position.plain(), radius.plain()).ray(ray.ray) }
+    fn sphere(
+        #[pyo3(from_py_with = argument::position)] position: [f32; 3],
+        #[pyo3(from_py_with = argument::radius)] radius: f32,
+        #[pyo3(from_py_with = argument::ray)] ray: Ray,
+    ) -> Self {
+        Self { hit: anyhit::Hit::sphere(position, radius).ray(ray.ray) }
     }
 
     /// The hit of a linear swept sphere with both end caps: centres and radii of its ends.
     #[staticmethod]
-    fn lss(positions: [[F32; 3]; 2], radii: [F32; 2], ray: &Ray) -> Self {
-        Self { hit: anyhit::Hit::lss(positions.plain(), radii.plain()).ray(ray.ray) }
+    fn lss(
+        #[pyo3(from_py_with = argument::two_ends)] positions: Vertices<2>,
+        #[pyo3(from_py_with = argument::two_radii)] radii: [f32; 2],
+        #[pyo3(from_py_with = argument::ray)] ray: Ray,
+    ) -> Self {
+        Self { hit: anyhit::Hit::lss(positions.0, radii).ray(ray.ray) }
     }
 
     /// The hit of a triangle.
     #[staticmethod]
-    fn triangle(vertices: [[F32; 3]; 3], ray: &Ray) -> Self {
-        Self { hit: anyhit::Hit::triangle(vertices.plain()).ray(ray.ray) }
+    fn triangle(
+        #[pyo3(from_py_with = argument::vertices)] vertices: Vertices<3>,
+        #[pyo3(from_py_with = argument::ray)] ray: Ray,
+    ) -> Self {
+        Self { hit: anyhit::Hit::triangle(vertices.0).ray(ray.ray) }
     }
 
     /// A box for an intersection shader, and the ray that enters it.
     #[staticmethod]
-    fn aabb(minimum: [F32; 3], maximum: [F32; 3], ray: &Ray) -> Self {
-        Self { hit: anyhit::Hit::aabb(minimum.plain(), maximum.plain()).ray(ray.ray) }
+    fn aabb(
+        #[pyo3(from_py_with = argument::minimum)] minimum: [f32; 3],
+        #[pyo3(from_py_with = argument::maximum)] maximum: [f32; 3],
+        #[pyo3(from_py_with = argument::ray)] ray: Ray,
+    ) -> Self {
+        Self { hit: anyhit::Hit::aabb(minimum, maximum).ray(ray.ray) }
     }
 }

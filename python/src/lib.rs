@@ -3,8 +3,13 @@
 //!
 //! Names are those of the crate. What its public face lacks is taken from the crates below it.
 
+mod argument;
 mod array;
+mod compute_test;
+mod device_buffers;
+mod dtype;
 mod error;
+mod images;
 mod instance;
 mod loaded_scene;
 mod module;
@@ -12,12 +17,17 @@ mod numbers;
 mod outcome;
 mod payload;
 mod pipeline;
+mod place;
+mod run;
+mod sampler;
 mod scene;
 mod shader_test;
 mod stress;
 mod suite;
 mod trace;
+mod used;
 mod value;
+mod words;
 
 use pyo3::prelude::*;
 
@@ -27,19 +37,25 @@ mod _anyhit {
     use pyo3::prelude::*;
 
     #[pymodule_export]
+    use crate::compute_test::{ComputeOutcome, ComputeTest};
+    #[pymodule_export]
+    use crate::device_buffers::DeviceBuffers;
+    #[pymodule_export]
     use crate::instance::{Hit, Instance, Ray};
     #[pymodule_export]
     use crate::loaded_scene::{LoadedScene, SceneOutcome};
     #[pymodule_export]
-    use crate::module::{EntryPoint, Module, Program};
+    use crate::module::{EntryPoint, Module, ModuleBinding, Program};
     #[pymodule_export]
     use crate::outcome::{Launched, ShaderOutcome};
     #[pymodule_export]
     use crate::pipeline::Pipeline;
     #[pymodule_export]
+    use crate::sampler::Sampler;
+    #[pymodule_export]
     use crate::scene::Scene;
     #[pymodule_export]
-    use crate::shader_test::{ShaderTest, TraceCall};
+    use crate::shader_test::{ExecuteCall, ShaderTest, TraceCall};
     #[pymodule_export]
     use crate::stress::stress;
     #[pymodule_export]

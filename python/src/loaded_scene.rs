@@ -2,14 +2,19 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
-use anyhit::{Error, ExplainRequest};
+use anyhit::{Error, ExplainRequest, Motion};
 use pyo3::prelude::*;
 
-use crate::array::{copied_rows, typed_bytes};
+use crate::argument::{self, Bytes};
+use crate::array::typed_bytes;
+use crate::dtype::buffer_array;
 use crate::error::{invalid, raised};
+use crate::images::texels;
+use crate::instance::matrix as matrix_of;
 use crate::module::Module;
-use crate::outcome::{buffer_array, printed, stats, texels};
+use crate::outcome::{printed, stats};
 use crate::pipeline::Pipeline;
+use crate::run::run;
 use crate::scene::Scene;
 use crate::value::to_python;
 
@@ -35,14 +40,13 @@ impl LoadedScene {
         py: Python<'_>,
         change: impl FnOnce(&mut anyhit::LoadedScene) -> anyhit::Result<()> + Send,
     ) -> PyResult<()> {
-        py.detach(|| {
+        run(py, || {
             let mut scene = self.scene.lock().unwrap_or_else(PoisonError::into_inner);
             let mut changed = (**scene).clone();
             change(&mut changed)?;
             *scene = Arc::new(changed);
             Ok(())
         })
-        .map_err(raised)
     }
 }
 
@@ -55,32 +59,41 @@ impl LoadedScene {
     /// Runs the passes of the scene; with width and height of another launch than the file's.
     /// Buffers and images begin as the scene describes them.
     #[pyo3(signature = (width=None, height=None))]
-    fn launch(&self, py: Python<'_>, width: Option<u32>, height: Option<u32>) -> PyResult<SceneOutcome> {
+    fn launch(
+        &self,
+        py: Python<'_>,
+        #[pyo3(from_py_with = argument::some_width)] width: Option<u32>,
+        #[pyo3(from_py_with = argument::some_height)] height: Option<u32>,
+    ) -> PyResult<SceneOutcome> {
         let scene = self.now();
         let size = match (width, height) {
             (None, None) => None,
             (Some(width), Some(height)) => Some([width, height]),
             _ => return Err(invalid("a launch of another size needs both its width and its height")),
         };
-        let outcome = py.detach(|| match size {
+        let outcome = run(py, || match size {
             None => scene.launch(),
             Some(size) => (*scene).clone().set_launch_size(size)?.launch(),
-        });
-        Ok(SceneOutcome { outcome: outcome.map_err(raised)? })
+        })?;
+        Ok(SceneOutcome { outcome })
     }
 
     /// The pipeline of the scene, and a `Scene` of its first acceleration structure with everything
     /// that it binds: to trace rays of one's own with `Pipeline.trace`.
     fn pipeline(&self, py: Python<'_>) -> PyResult<(Pipeline, Scene)> {
         let scene = self.now();
-        let (pipeline, scene) = py.detach(|| scene.pipeline()).map_err(raised)?;
-        Ok((Pipeline { pipeline }, Scene { scene }))
+        let (pipeline, scene) = run(py, || scene.pipeline())?;
+        Ok((Pipeline { pipeline }, Scene::new(scene)))
     }
 
     /// The module of a shader, by its name below `[shaders]`.
-    fn module(&self, py: Python<'_>, name: &str) -> PyResult<Module> {
+    fn module(
+        &self,
+        py: Python<'_>,
+        #[pyo3(from_py_with = argument::name)] name: String,
+    ) -> PyResult<Module> {
         let scene = self.now();
-        Ok(Module { module: py.detach(|| scene.module(name)).map_err(raised)? })
+        Ok(Module { module: run(py, || scene.module(&name))? })
     }
 
     /// Reads every file that the scene names, also those that nothing reads, which are otherwise
@@ -92,9 +105,14 @@ impl LoadedScene {
     /// Replaces the content of a buffer, by the resource's name: an array of the buffer's size,
     /// C-contiguous, whose dtype and shape are compared with what the shaders declare; or `bytes`
     /// or an array of `uint8` of any size, which are not compared.
-    fn set_buffer(&self, py: Python<'_>, name: &str, data: &Bound<'_, PyAny>) -> PyResult<()> {
+    fn set_buffer(
+        &self,
+        py: Python<'_>,
+        #[pyo3(from_py_with = argument::name)] name: String,
+        data: &Bound<'_, PyAny>,
+    ) -> PyResult<()> {
         let bytes = typed_bytes("data", data)?;
-        self.change(py, |scene| scene.set_buffer_of(name, bytes).map(drop))
+        self.change(py, |scene| scene.set_buffer_of(&name, bytes).map(drop))
     }
 
     /// Replaces the push constants: an array, which is compared with what the shaders declare, or
@@ -105,35 +123,100 @@ impl LoadedScene {
     }
 
     /// Replaces the transform of an instance, by its `InstanceId`: (3, 4).
-    fn set_transform(&self, py: Python<'_>, instance: usize, matrix: &Bound<'_, PyAny>) -> PyResult<()> {
-        let rows = copied_rows::<4>("matrix", matrix, &[&[4]])?;
-        let rows: [[f32; 4]; 3] =
-            rows.try_into().map_err(|rows: Vec<_>| invalid(format!("matrix: {} rows, not 3", rows.len())))?;
+    fn set_transform(
+        &self,
+        py: Python<'_>,
+        #[pyo3(from_py_with = argument::instance_index)] instance: usize,
+        matrix: &Bound<'_, PyAny>,
+    ) -> PyResult<()> {
+        let rows = matrix_of("matrix", matrix)?;
         self.change(py, |scene| scene.set_transform(instance, rows).map(drop))
+    }
+
+    /// The transform of an instance, by its `InstanceId`; at time 0 where it moves: (3, 4).
+    fn transform<'py>(
+        &self,
+        py: Python<'py>,
+        #[pyo3(from_py_with = argument::instance_index)] instance: usize,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let rows = self.now().transform(instance).map_err(raised)?;
+        Ok(numpy::PyArray2::from_vec2(py, &rows.map(|row| row.to_vec())).map_err(PyErr::from)?.into_any())
+    }
+
+    /// Replaces the motion of an instance, by its `InstanceId`: its transforms at time 0 and 1.
+    fn set_motion(
+        &self,
+        py: Python<'_>,
+        #[pyo3(from_py_with = argument::instance_index)] instance: usize,
+        start: &Bound<'_, PyAny>,
+        end: &Bound<'_, PyAny>,
+    ) -> PyResult<()> {
+        let motion = Motion::Matrix([matrix_of("start", start)?, matrix_of("end", end)?]);
+        self.change(py, |scene| scene.set_motion(instance, motion).map(drop))
+    }
+
+    /// Sets `maxPipelineRayRecursionDepth`.
+    fn set_max_recursion(
+        &self,
+        py: Python<'_>,
+        #[pyo3(from_py_with = argument::depth)] depth: u32,
+    ) -> PyResult<()> {
+        self.change(py, |scene| scene.set_max_recursion(depth).map(drop))
+    }
+
+    /// Runs one pass alone, by its name or its number from 0, on buffers and images as the scene
+    /// describes them.
+    fn launch_pass(
+        &self,
+        py: Python<'_>,
+        #[pyo3(from_py_with = argument::name)] name: String,
+    ) -> PyResult<SceneOutcome> {
+        let scene = self.now();
+        Ok(SceneOutcome { outcome: run(py, || scene.launch_pass(&name))? })
+    }
+
+    /// The device address of a buffer, by the resource's name.
+    fn address_of(&self, #[pyo3(from_py_with = argument::name)] name: String) -> PyResult<u64> {
+        self.now().address_of(&name).map_err(raised)
     }
 
     /// Replaces a shader, by its name below `[shaders]`, by a source text; the extension of
     /// `file_name` tells its language.
-    fn set_shader_source(&self, py: Python<'_>, name: &str, file_name: &str, text: &str) -> PyResult<()> {
-        self.change(py, |scene| scene.set_shader_source(name, file_name, text).map(drop))
+    fn set_shader_source(
+        &self,
+        py: Python<'_>,
+        #[pyo3(from_py_with = argument::name)] name: String,
+        #[pyo3(from_py_with = argument::file_name)] file_name: String,
+        #[pyo3(from_py_with = argument::text)] text: String,
+    ) -> PyResult<()> {
+        self.change(py, |scene| scene.set_shader_source(&name, &file_name, &text).map(drop))
     }
 
     /// Replaces a shader, by its name below `[shaders]`, by the bytes of a SPIR-V module.
-    fn set_shader_spirv(&self, py: Python<'_>, name: &str, spirv: &[u8]) -> PyResult<()> {
-        self.change(py, |scene| scene.set_shader_spirv(name, spirv).map(drop))
+    fn set_shader_spirv(
+        &self,
+        py: Python<'_>,
+        #[pyo3(from_py_with = argument::name)] name: String,
+        #[pyo3(from_py_with = argument::spirv)] spirv: Bytes,
+    ) -> PyResult<()> {
+        self.change(py, |scene| scene.set_shader_spirv(&name, &spirv.0).map(drop))
     }
 
     /// Runs the passes under the sanitizer. Returns the reports of what it only warns of.
     fn sanitize(&self, py: Python<'_>) -> PyResult<Vec<String>> {
         let scene = self.now();
-        py.detach(|| scene.sanitize()).map(texts).map_err(raised)
+        run(py, || scene.sanitize()).map(texts)
     }
 
     /// Runs the passes once more for each of so many seeds, from which is drawn what the
     /// specifications leave open. Returns the reports of differences that are only warned of.
-    fn many_seeds(&self, py: Python<'_>, seeds: u64) -> PyResult<Vec<String>> {
+    fn many_seeds(
+        &self,
+        py: Python<'_>,
+        #[pyo3(from_py_with = argument::seeds)] seeds: u64,
+    ) -> PyResult<Vec<String>> {
         let scene = self.now();
-        py.detach(|| scene.many_seeds(seeds)).map(texts).map_err(raised)
+        run(py, || scene.many_seeds(seeds)).map(texts)
     }
 
     /// Explains a pixel, or the `[[ray]]` with a name, as `anyhit trace-one-ray` prints it.
@@ -143,7 +226,7 @@ impl LoadedScene {
             PixelOrRay::Pixel(x, y) => ExplainRequest::from([x, y]),
             PixelOrRay::Ray(name) => ExplainRequest::from(&*name),
         };
-        py.detach(|| scene.explain(request)).map_err(raised)
+        run(py, || scene.explain(request))
     }
 }
 
@@ -177,14 +260,26 @@ impl SceneOutcome {
         printed(&self.outcome.printed)
     }
 
+    fn __eq__(&self, other: &Self) -> bool {
+        self.outcome == other.outcome
+    }
+
     /// An image, by the resource's name: an array of float32, (height, width, 4).
-    fn image<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyAny>> {
-        texels(py, &self.outcome.image(name).map_err(raised)?)
+    fn image<'py>(
+        &self,
+        py: Python<'py>,
+        #[pyo3(from_py_with = argument::name)] name: String,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        texels(py, &self.outcome.image(&name).map_err(raised)?)
     }
 
     /// A buffer by the names of its members.
-    fn buffer<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyAny>> {
-        to_python(py, &self.outcome.buffer(name).map_err(raised)?)
+    fn buffer<'py>(
+        &self,
+        py: Python<'py>,
+        #[pyo3(from_py_with = argument::name)] name: String,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        to_python(py, &self.outcome.buffer(&name).map_err(raised)?)
     }
 
     /// A buffer as an array of a dtype; of its bytes without one.
@@ -192,9 +287,9 @@ impl SceneOutcome {
     fn read_buffer<'py>(
         &self,
         py: Python<'py>,
-        name: &str,
+        #[pyo3(from_py_with = argument::name)] name: String,
         dtype: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        buffer_array(py, self.outcome.read_buffer::<u8>(name).map_err(raised)?, dtype)
+        buffer_array(py, self.outcome.read_buffer::<u8>(&name).map_err(raised)?, dtype, None)
     }
 }

@@ -1,16 +1,26 @@
 //! Modules, and the programs that are made of their entry points.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use anyhit::Stage;
+use anyhit::{CompileOptions, DebugInfoLevel, InputLimits, NestedScalars, Source, Stage};
+use anyhit_compile::SourceWords;
+use anyhit_engine::machine::Binding;
 use anyhit_engine::module::names::capability_name;
+use anyhit_engine::program::descriptors::declared;
+use anyhit_engine::reflect::lookup::{DataBlock, find_block};
 use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyTuple};
 
+use crate::argument::{self, Argument, Bytes, wrong_class};
+use crate::dtype::of_block;
 use crate::error::{invalid, raised};
+use crate::numbers::nested;
+use crate::place::{Variable, split, variables};
+use crate::run::run;
 
 /// A SPIR-V module.
-#[pyclass(frozen, module = "anyhit", from_py_object)]
+#[pyclass(frozen, module = "anyhit")]
 #[derive(Clone)]
 pub(crate) struct Module {
     pub(crate) module: Arc<anyhit::Module>,
@@ -20,24 +30,48 @@ pub(crate) struct Module {
 impl Module {
     /// Reads a SPIR-V file, or compiles a source of GLSL, Slang, HLSL or WGSL; the extension tells
     /// the language.
+    /// Includes are also searched in `include_folders`; `flags` are those of scene files, such as
+    /// `-DCOUNT=3`.
     #[staticmethod]
-    fn open(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
-        let module = py.detach(|| anyhit::Module::open(path)).map_err(raised)?;
+    #[pyo3(signature = (path, *, include_folders=Vec::new(), flags=Vec::new()))]
+    fn open(
+        py: Python<'_>,
+        #[pyo3(from_py_with = argument::path)] path: PathBuf,
+        #[pyo3(from_py_with = argument::include_folders)] include_folders: Vec<PathBuf>,
+        #[pyo3(from_py_with = argument::compiler_flags)] flags: Vec<String>,
+    ) -> PyResult<Self> {
+        let words = SourceWords { include_folders, flags, ..SourceWords::default() };
+        let limits = InputLimits::default();
+        let (module, _) = run(py, || anyhit::Module::open_as(&path, &limits, None, &words))?;
         Ok(Self { module })
     }
 
     /// Reads the bytes of a SPIR-V module.
     #[staticmethod]
-    fn from_spirv(py: Python<'_>, spirv: &[u8]) -> PyResult<Self> {
-        let module = py.detach(|| anyhit::Module::from_spirv(spirv)).map_err(raised)?;
+    fn from_spirv(py: Python<'_>, #[pyo3(from_py_with = argument::spirv)] spirv: Bytes) -> PyResult<Self> {
+        let module = run(py, || anyhit::Module::from_spirv(&spirv.0))?;
         Ok(Self { module })
     }
 
     /// Compiles a source text; the extension of the name tells its language: "shade.rchit",
-    /// "shade.slang", "shade.wgsl".
+    /// "shade.slang", "shade.wgsl". Includes are searched beside that name, then in
+    /// `include_folders`; `flags` are those of scene files, such as `-DCOUNT=3`.
     #[staticmethod]
-    fn from_source(py: Python<'_>, name: &str, text: &str) -> PyResult<Self> {
-        let module = py.detach(|| anyhit::Module::from_source(name, text)).map_err(raised)?;
+    #[pyo3(signature = (name, text, *, include_folders=Vec::new(), flags=Vec::new()))]
+    fn from_source(
+        py: Python<'_>,
+        #[pyo3(from_py_with = argument::name)] name: String,
+        #[pyo3(from_py_with = argument::text)] text: String,
+        #[pyo3(from_py_with = argument::include_folders)] include_folders: Vec<PathBuf>,
+        #[pyo3(from_py_with = argument::compiler_flags)] flags: Vec<String>,
+    ) -> PyResult<Self> {
+        let words = SourceWords { include_folders, flags, ..SourceWords::default() };
+        let module = run(py, || {
+            let source = Source::from_text(&*name, text)?;
+            let settings = words.settings(Path::new(&name))?.unwrap_or_default();
+            let options = settings.over(&CompileOptions::default().debug(DebugInfoLevel::Lines));
+            anyhit::Module::compile(&source.include_folders(&settings.include_folders), &options)
+        })?;
         Ok(Self { module })
     }
 
@@ -75,6 +109,52 @@ impl Module {
         self.module.warnings.iter().map(ToString::to_string).collect()
     }
 
+    /// What the module breaks of the specification: one message each, with its rule and the fix.
+    fn validate(&self, py: Python<'_>) -> PyResult<Vec<String>> {
+        let findings = run(py, || Ok(self.module.validate()))?;
+        Ok(findings
+            .iter()
+            .map(|one| {
+                format!("{} (word {}): {} ({}); {}", one.name, one.word, one.message, one.rule, one.fix)
+            })
+            .collect())
+    }
+
+    /// The resources that the entry points use, in the order of their bindings.
+    #[getter]
+    fn bindings(&self) -> Vec<ModuleBinding> {
+        let of = |variable: Variable| {
+            let Binding { set, binding } = variable.binding;
+            let types = declared(&self.module, variable.binding);
+            let ty = types.first().map_or("", |ty| ty.name()).to_owned();
+            ModuleBinding { name: variable.name, set, binding, ty }
+        };
+        variables(&self.module).into_iter().map(of).collect()
+    }
+
+    /// The dtype of a buffer, by the name of its variable or by set and binding: that of the
+    /// elements of a block that is an array, and of the whole block otherwise. The array without a
+    /// length that ends a block has `count` elements.
+    #[pyo3(signature = (set, binding=None, *, count=0))]
+    fn buffer_dtype<'py>(
+        &self,
+        py: Python<'py>,
+        set: &Bound<'py, PyAny>,
+        binding: Option<&Bound<'py, PyAny>>,
+        #[pyo3(from_py_with = argument::count)] count: usize,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let (place, _) = split(set, binding, None)?;
+        let Binding { set, binding } = place.binding([&*self.module])?;
+        let block = find_block(&self.module, DataBlock::Buffer(Binding { set, binding })).map_err(raised)?;
+        let block =
+            block.ok_or_else(|| invalid(format!("no buffer is declared at set {set}, binding {binding}")))?;
+        let (element, sides) = of_block(py, block, count)?;
+        match sides.is_empty() {
+            true => Ok(element),
+            false => py.import("numpy")?.call_method1("dtype", ((element, PyTuple::new(py, sides)?),)),
+        }
+    }
+
     fn __repr__(&self) -> String {
         let entries = self.module.entry_points.iter();
         let entries: Vec<_> = entries.map(|entry| format!("{} {}", entry.stage.name(), entry.name)).collect();
@@ -82,9 +162,50 @@ impl Module {
     }
 }
 
+impl Module {
+    /// The module with specialization constants of a dict, by their `SpecId`.
+    pub(crate) fn specialized(&self, constants: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
+        let Some(constants) = constants.filter(|given| !given.is_none()) else { return Ok(self.clone()) };
+        let constants =
+            constants.cast::<PyDict>().map_err(|_| wrong_class("specialization", "dict", constants))?;
+        let mut module = (*self.module).clone();
+        for (id, value) in constants {
+            let id = u32::of("a key of specialization", &id)?;
+            let NestedScalars::One(value) = nested("specialization", &value, 0)? else {
+                return Err(wrong_class(&format!("specialization[{id}]"), "a number", &value));
+            };
+            module.specialize(id, value).map_err(raised)?;
+        }
+        Ok(Self { module: Arc::new(module) })
+    }
+}
+
+/// A resource of a module: its name, set, binding and descriptor type.
+#[pyclass(frozen, eq, hash, get_all, module = "anyhit")]
+#[derive(Clone, PartialEq, Eq, Hash)]
+pub(crate) struct ModuleBinding {
+    /// The name of the variable.
+    name: String,
+    /// The descriptor set.
+    set: u32,
+    /// The binding.
+    binding: u32,
+    /// The descriptor type in the words of scene files: "storage_buffer".
+    #[pyo3(name = "type")]
+    ty: String,
+}
+
+#[pymethods]
+impl ModuleBinding {
+    fn __repr__(&self) -> String {
+        let Self { name, set, binding, ty } = self;
+        format!("ModuleBinding(name={name:?}, set={set}, binding={binding}, type={ty:?})")
+    }
+}
+
 /// An entry point: its name, and its stage in the specification's words.
-#[pyclass(frozen, eq, get_all, module = "anyhit")]
-#[derive(Clone, PartialEq)]
+#[pyclass(frozen, eq, hash, get_all, module = "anyhit")]
+#[derive(Clone, PartialEq, Eq, Hash)]
 pub(crate) struct EntryPoint {
     /// The name.
     name: String,
@@ -101,7 +222,7 @@ impl EntryPoint {
 
 /// A prepared entry point of a module. What the module breaks of the specification, and what is not
 /// supported, is an error here.
-#[pyclass(frozen, module = "anyhit", from_py_object)]
+#[pyclass(frozen, module = "anyhit")]
 #[derive(Clone)]
 pub(crate) struct Program {
     pub(crate) program: Arc<anyhit::Program>,
@@ -110,10 +231,20 @@ pub(crate) struct Program {
 #[pymethods]
 impl Program {
     /// The entry point with a name; with its stage, where several stages share the name.
+    /// `specialization` is a dict of constants by their `SpecId`.
     #[new]
-    #[pyo3(signature = (module, entry="main", stage=None))]
-    fn new(py: Python<'_>, module: &Module, entry: &str, stage: Option<&str>) -> PyResult<Self> {
-        Self::of(py, module, entry, stage)
+    #[pyo3(
+        signature = (module, entry="main".to_owned(), stage=None, *, specialization=None),
+        text_signature = "(module, entry='main', stage=None, *, specialization=None)"
+    )]
+    fn new(
+        py: Python<'_>,
+        #[pyo3(from_py_with = argument::module)] module: Module,
+        #[pyo3(from_py_with = argument::entry)] entry: String,
+        #[pyo3(from_py_with = argument::of_stage)] stage: Option<String>,
+        specialization: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        Self::of(py, &module.specialized(specialization)?, &entry, stage.as_deref())
     }
 
     /// The name of the entry point.
@@ -137,13 +268,13 @@ impl Program {
     pub(crate) fn of(py: Python<'_>, module: &Module, entry: &str, stage: Option<&str>) -> PyResult<Self> {
         let module = &module.module;
         let program = match stage {
-            None => py.detach(|| anyhit::Program::of(module, entry)),
+            None => run(py, || anyhit::Program::of(module, entry)),
             Some(stage) => {
                 let stage = self::stage(stage)?;
-                py.detach(|| anyhit::Program::with_stage(module, stage, entry))
+                run(py, || anyhit::Program::with_stage(module, stage, entry))
             }
         };
-        Ok(Self { program: Arc::new(program.map_err(raised)?) })
+        Ok(Self { program: Arc::new(program?) })
     }
 }
 
@@ -167,12 +298,21 @@ fn stage(name: &str) -> PyResult<Stage> {
 }
 
 /// What a pipeline takes for a shader: a `Program`, or a `Module` with a single entry point.
-#[derive(FromPyObject)]
 pub(crate) enum Shader {
     /// A program.
     Program(Program),
     /// A module whose only entry point is meant.
     Module(Module),
+}
+
+impl Argument for Shader {
+    fn of(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Self> {
+        match (given.cast::<Program>(), given.cast::<Module>()) {
+            (Ok(program), _) => Ok(Self::Program(program.get().clone())),
+            (_, Ok(module)) => Ok(Self::Module(module.get().clone())),
+            _ => Err(wrong_class(name, "anyhit.Program or anyhit.Module", given)),
+        }
+    }
 }
 
 impl Shader {
@@ -187,7 +327,6 @@ impl Shader {
                 "a module of {count} entry points: `anyhit.Program(module, name)` chooses one"
             )));
         };
-        let program = py.detach(|| anyhit::Program::with_stage(&module, only.stage, &only.name));
-        program.map(Arc::new).map_err(raised)
+        run(py, || anyhit::Program::with_stage(&module, only.stage, &only.name)).map(Arc::new)
     }
 }

@@ -3,18 +3,20 @@
 
 use anyhit::{NestedScalars, ScalarValue, Value};
 use anyhit_engine::module::ty::Type;
-use numpy::{PyArrayDescrMethods, PyUntypedArray, PyUntypedArrayMethods};
+use numpy::{PyArrayDescr, PyArrayDescrMethods, PyUntypedArray, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict, PyFloat, PyInt, PyList, PyRange, PyTuple};
 
-use crate::error::invalid;
+use crate::argument::{Argument, class};
+use crate::array::array_of;
+use crate::error::{invalid, invalid_type};
 use crate::value::{Content, content};
 
 /// Scalars with the path that leads to them, `path[1].weight`; empty for the value itself.
 pub(crate) type Member = (String, NestedScalars);
 
 /// Lists in lists that are read: a list may hold itself.
-const MAX_DEPTH: usize = 32;
+pub(crate) const MAX_DEPTH: usize = 32;
 
 /// The scalars of Python data for a value of a shader: dicts name members, lists are arrays,
 /// vectors and the columns of matrices. Members that are not named are left out.
@@ -34,6 +36,9 @@ fn collect(
     if depth > MAX_DEPTH {
         return Err(too_deep(path));
     }
+    if let Some(record) = record(data)? {
+        return collect(shape, &record, path, depth + 1, out);
+    }
     if let Ok(dict) = data.cast::<PyDict>() {
         // A block of one member, into which naga puts a struct, is used like the member.
         if let Some(Content::Struct(fields)) = shape.map(content)
@@ -44,7 +49,7 @@ fn collect(
             return collect(Some(inner), data, path, depth + 1, out);
         }
         for (name, part) in dict {
-            let name: String = name.extract()?;
+            let name = String::of("the name of a member", &name)?;
             let field = shape.and_then(|shape| shape.field(&name));
             let path = if path.is_empty() { name } else { format!("{path}.{name}") };
             collect(field, &part, &path, depth + 1, out)?;
@@ -68,6 +73,22 @@ fn collect(
     Ok(())
 }
 
+/// A struct of numpy as a dict of its members, an array of structs as a list; `None` for other data.
+fn record<'py>(data: &Bound<'py, PyAny>) -> PyResult<Option<Bound<'py, PyAny>>> {
+    let Ok(dtype) = data.getattr("dtype") else { return Ok(None) };
+    let Ok(dtype) = dtype.cast::<PyArrayDescr>() else { return Ok(None) };
+    let Some(names) = dtype.names() else { return Ok(None) };
+    if data.getattr("ndim")?.extract::<usize>()? > 0 {
+        let items: Vec<_> = data.try_iter()?.collect::<PyResult<_>>()?;
+        return Ok(Some(PyList::new(data.py(), items)?.into_any()));
+    }
+    let members = PyDict::new(data.py());
+    for name in names {
+        members.set_item(&name, data.get_item(&name)?)?;
+    }
+    Ok(Some(members.into_any()))
+}
+
 /// The parts of a list in which there are dicts, at any depth.
 fn dicts_within<'py>(data: &Bound<'py, PyAny>, depth: usize) -> PyResult<Option<Vec<Bound<'py, PyAny>>>> {
     if depth > MAX_DEPTH || data.cast::<PyUntypedArray>().is_ok() {
@@ -76,7 +97,8 @@ fn dicts_within<'py>(data: &Bound<'py, PyAny>, depth: usize) -> PyResult<Option<
     let Some(parts) = parts(data)? else { return Ok(None) };
     // All elements of a list have the kind of the first.
     let is_dict = match parts.first() {
-        Some(first) => first.is_instance_of::<PyDict>() || dicts_within(first, depth + 1)?.is_some(),
+        Some(first) if first.is_instance_of::<PyDict>() || record(first)?.is_some() => true,
+        Some(first) => dicts_within(first, depth + 1)?.is_some(),
         None => false,
     };
     Ok(is_dict.then_some(parts))
@@ -105,12 +127,12 @@ pub(crate) fn nested(path: &str, data: &Bound<'_, PyAny>, depth: usize) -> PyRes
         let parts = parts.iter().map(|part| nested(path, part, depth + 1));
         return Ok(NestedScalars::Many(parts.collect::<PyResult<_>>()?));
     }
-    if let Ok(array) = data.cast::<PyUntypedArray>() {
-        check_kind(path, array)?;
+    if let Some(array) = array_of(path, data)? {
+        check_kind(path, &array)?;
         return nested(path, &array.call_method0("tolist")?, depth + 1);
     }
-    let ty = data.get_type();
-    Err(invalid(format!("{}expected a number, a list of numbers or a dict, found a {ty}", of(path))))
+    let class = class(data);
+    Err(invalid_type(format!("{}expected a number, a list of numbers or a dict, found {class}", of(path))))
 }
 
 /// A number of Python or of numpy; `None` where the data are something else.
@@ -222,43 +244,5 @@ fn flatten<T: Number>(
             list.iter().try_for_each(|part| flatten(name, part, inner, out))
         }
         _ => Err(invalid(format!("{name}: the lists in it have different lengths"))),
-    }
-}
-
-/// A float of Python as one of 32 bits.
-#[derive(Clone, Copy)]
-pub(crate) struct F32(pub(crate) f32);
-
-impl<'py> FromPyObject<'_, 'py> for F32 {
-    type Error = PyErr;
-
-    fn extract(given: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
-        let (numbers, lengths) = rectangular::<f32>("a number", &given)?;
-        match (&numbers[..], &lengths[..]) {
-            (&[number], []) => Ok(Self(number)),
-            _ => Err(invalid("expected a number, found a list")),
-        }
-    }
-}
-
-/// Arrays of these.
-pub(crate) trait Plain {
-    /// The array of plain floats.
-    type Of;
-    /// Takes them out.
-    fn plain(self) -> Self::Of;
-}
-
-impl Plain for F32 {
-    type Of = f32;
-    fn plain(self) -> f32 {
-        self.0
-    }
-}
-
-impl<T: Plain, const N: usize> Plain for [T; N] {
-    type Of = [T::Of; N];
-    fn plain(self) -> [T::Of; N] {
-        self.map(T::plain)
     }
 }

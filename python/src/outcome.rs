@@ -1,58 +1,102 @@
 //! What launches and shaders left behind: buffers and images as shaders left them.
 
-use anyhit::{Explain, Format, Stats, Texels};
-use anyhit_engine::machine::format::Class;
+use std::sync::Arc;
+
+use anyhit::{Explain, Program, Stats, Texels, Value};
+use anyhit_engine::machine::Binding;
+use anyhit_engine::module::ty::Type;
+use anyhit_engine::program::descriptors::declared_blocks;
+use anyhit_engine::reflect::{Layout, Rules};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
-use crate::array::from_bytes;
+use crate::argument;
+use crate::dtype::{buffer_array, runtime_array};
 use crate::error::raised;
+use crate::images::texels;
+use crate::place::split;
 use crate::scene::Scene;
-use crate::shader_test::TraceCall;
+use crate::shader_test::{ExecuteCall, TraceCall};
 use crate::value::to_python;
 
-/// R, G, B and A of all texels: an array (height, width, 4) of float32, or of the integers that the
-/// format holds (uint32, int32, uint64, int64).
-pub(crate) fn texels<'py>(py: Python<'py>, texels: &Texels) -> PyResult<Bound<'py, PyAny>> {
-    let [width, height] = texels.size();
-    let image = texels.image();
-    let format = image.format();
-    let plane = *image.shape() == anyhit::ImageShape::plane(width, height);
-    let places = move || (0..height).flat_map(move |y| (0..width).map(move |x| (x, y)));
-    let (dtype, bytes): (&str, Vec<u8>) = py.detach(|| match (format.class(), format.is_wide()) {
-        _ if format == Format::RGBA32F && plane => ("<f4", image.bytes()),
-        (Class::Float, _) => {
-            ("<f4", places().flat_map(|(x, y)| texels.at_f32(x, y)).flat_map(f32::to_le_bytes).collect())
-        }
-        (Class::Uint, false) => {
-            ("<u4", places().flat_map(|(x, y)| texels.at_u32(x, y)).flat_map(u32::to_le_bytes).collect())
-        }
-        (Class::Sint, false) => {
-            ("<i4", places().flat_map(|(x, y)| texels.at_i32(x, y)).flat_map(i32::to_le_bytes).collect())
-        }
-        (Class::Uint, true) => {
-            ("<u8", places().flat_map(|(x, y)| texels.at_u64(x, y)).flat_map(u64::to_le_bytes).collect())
-        }
-        (Class::Sint, true) => {
-            ("<i8", places().flat_map(|(x, y)| texels.at_i64(x, y)).flat_map(i64::to_le_bytes).collect())
-        }
-    });
-    let dtype = py.import("numpy")?.call_method1("dtype", (dtype,))?;
-    from_bytes(py, bytes, &dtype, &[height as isize, width as isize, 4])
+/// The methods of an outcome that read what was bound, by set and binding or by name.
+pub(crate) fn image<'py>(
+    py: Python<'py>,
+    at: (&Bound<'py, PyAny>, Option<&Bound<'py, PyAny>>),
+    programs: &[Arc<Program>],
+    read: impl Fn(u32, u32) -> anyhit::Result<Texels>,
+) -> PyResult<Bound<'py, PyAny>> {
+    let (place, _) = split(at.0, at.1, None)?;
+    let Binding { set, binding } = place.in_programs(programs)?;
+    texels(py, &read(set, binding).map_err(raised)?)
 }
 
-/// The bytes of a buffer as an array of a dtype, one row.
-pub(crate) fn buffer_array<'py>(
+/// A buffer by the names of its members.
+pub(crate) fn buffer<'py>(
     py: Python<'py>,
-    bytes: Vec<u8>,
-    dtype: Option<&Bound<'py, PyAny>>,
+    at: (&Bound<'py, PyAny>, Option<&Bound<'py, PyAny>>),
+    programs: &[Arc<Program>],
+    read: impl Fn(u32, u32) -> anyhit::Result<Value>,
+    bytes: impl Fn(u32, u32) -> anyhit::Result<Vec<u8>>,
 ) -> PyResult<Bound<'py, PyAny>> {
-    let numpy = py.import("numpy")?;
-    let dtype = match dtype {
-        Some(dtype) => numpy.call_method1("dtype", (dtype,))?,
-        None => numpy.call_method1("dtype", ("uint8",))?,
+    let (place, _) = split(at.0, at.1, None)?;
+    let at = place.in_programs(programs)?;
+    if let Some(block) = block(programs, at)
+        && let Some((name, offset)) = last_numbers(block)
+    {
+        return with_last_numbers(py, block, &name, offset, bytes(at.set, at.binding).map_err(raised)?);
+    }
+    to_python(py, &read(at.set, at.binding).map_err(raised)?)
+}
+
+/// The array of numbers or vectors that ends a block, whose length is open: its name and offset.
+fn last_numbers(block: Layout<'_>) -> Option<(String, usize)> {
+    let is_number = |ty| matches!(block.module.ty(ty), Type::Int { .. } | Type::Float { encoding: None, .. });
+    let Type::Struct { members, .. } = block.module.ty(block.ty) else { return None };
+    let (offset, last) = block.members().last()?;
+    let Type::RuntimeArray { element, .. } = *block.module.ty(last.ty) else { return None };
+    let fits = match *block.module.ty(element) {
+        Type::Vector { component, .. } => is_number(component),
+        _ => is_number(element),
     };
-    from_bytes(py, bytes, &dtype, &[-1])
+    let name = members.last().map(|member| member.name.to_string()).filter(|name| !name.is_empty());
+    fits.then(|| (name.unwrap_or_else(|| format!("_{}", members.len() - 1)), offset))
+}
+
+/// A block whose last member may be millions of numbers: numpy converts them.
+fn with_last_numbers<'py>(
+    py: Python<'py>,
+    block: Layout<'_>,
+    name: &str,
+    offset: usize,
+    mut bytes: Vec<u8>,
+) -> PyResult<Bound<'py, PyAny>> {
+    let last = bytes.split_off(offset.min(bytes.len()));
+    let values = to_python(py, &block.read(&bytes))?;
+    let numbers = runtime_array(py, block, last)?;
+    values.set_item(name, numbers.call_method0("tolist")?)?;
+    Ok(values)
+}
+
+/// A buffer as an array of a dtype, else of the type that a shader declares.
+pub(crate) fn read_buffer<'py>(
+    py: Python<'py>,
+    at: (&Bound<'py, PyAny>, Option<&Bound<'py, PyAny>>, Option<&Bound<'py, PyAny>>),
+    programs: &[Arc<Program>],
+    read: impl Fn(u32, u32) -> anyhit::Result<Vec<u8>>,
+) -> PyResult<Bound<'py, PyAny>> {
+    let (place, dtype) = split(at.0, at.1, at.2)?;
+    let at = place.in_programs(programs)?;
+    let bytes = read(at.set, at.binding).map_err(raised)?;
+    buffer_array(py, bytes, dtype, block(programs, at))
+}
+
+/// The block that a shader of these uses at a binding.
+pub(crate) fn block(programs: &[Arc<Program>], at: Binding) -> Option<Layout<'_>> {
+    programs.iter().find_map(|program| {
+        let (ty, ..) = declared_blocks(program).find(|(_, _, place)| *place == Some(at))?;
+        Some(Layout::new(&program.module, ty, Rules::Explicit))
+    })
 }
 
 /// The counts of a run by name: rays, and invocations of each stage that ran.
@@ -77,7 +121,8 @@ pub(crate) fn printed(lines: &[anyhit::PrintedLine]) -> Vec<([u32; 3], String)> 
 #[pyclass(frozen, module = "anyhit")]
 pub(crate) struct Launched {
     pub(crate) launched: anyhit::Launched,
-    pub(crate) scene: Scene,
+    pub(crate) programs: Vec<Arc<Program>>,
+    pub(crate) scene: anyhit::Scene,
 }
 
 #[pymethods]
@@ -97,37 +142,96 @@ impl Launched {
     /// The scene with what shaders wrote, for a further launch.
     #[getter]
     fn scene(&self) -> Scene {
-        self.scene.clone()
+        Scene::new(self.scene.clone())
     }
 
-    /// An image: an array of float32, (height, width, 4).
-    #[pyo3(signature = (set, binding))]
-    fn image<'py>(&self, py: Python<'py>, set: u32, binding: u32) -> PyResult<Bound<'py, PyAny>> {
-        texels(py, &self.launched.image(set, binding).map_err(raised)?)
+    /// An image: an array of float32, (height, width, 4), or of the integers that it holds.
+    #[pyo3(signature = (set, binding=None))]
+    fn image<'py>(
+        &self,
+        py: Python<'py>,
+        set: &Bound<'py, PyAny>,
+        binding: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        image(py, (set, binding), &self.programs, |set, binding| self.launched.image(set, binding))
     }
 
     /// A buffer by the names of its members.
-    fn buffer<'py>(&self, py: Python<'py>, set: u32, binding: u32) -> PyResult<Bound<'py, PyAny>> {
-        to_python(py, &self.launched.buffer(set, binding).map_err(raised)?)
+    #[pyo3(signature = (set, binding=None))]
+    fn buffer<'py>(
+        &self,
+        py: Python<'py>,
+        set: &Bound<'py, PyAny>,
+        binding: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let bytes = |set, binding| self.launched.buffer_bytes(set, binding);
+        let read = |set, binding| self.launched.buffer(set, binding);
+        buffer(py, (set, binding), &self.programs, read, bytes)
     }
 
-    /// A buffer as an array of a dtype; of its bytes without one.
-    #[pyo3(signature = (set, binding, dtype=None))]
+    /// A buffer as an array of a dtype; without one, of the type that the shader declares.
+    #[pyo3(signature = (set, binding=None, dtype=None))]
     fn read_buffer<'py>(
         &self,
         py: Python<'py>,
-        set: u32,
-        binding: u32,
+        set: &Bound<'py, PyAny>,
+        binding: Option<&Bound<'py, PyAny>>,
         dtype: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        buffer_array(py, self.launched.buffer_bytes(set, binding).map_err(raised)?, dtype)
+        let read = |set, binding| self.launched.buffer_bytes(set, binding);
+        read_buffer(py, (set, binding, dtype), &self.programs, read)
     }
+
+    /// The buffer at a device address, from that address on, as an array of a dtype; of its bytes
+    /// without one.
+    #[pyo3(signature = (address, dtype=None))]
+    fn read_buffer_at<'py>(
+        &self,
+        py: Python<'py>,
+        #[pyo3(from_py_with = argument::address)] address: u64,
+        dtype: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        buffer_array(py, self.launched.read_buffer_at::<u8>(address).map_err(raised)?, dtype, None)
+    }
+
+    /// What lies at a device address by the names of its members, as the type of the first pointer
+    /// that leads there.
+    fn buffer_at<'py>(
+        &self,
+        py: Python<'py>,
+        #[pyo3(from_py_with = argument::address)] address: u64,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        to_python(py, &self.launched.buffer_at(address).map_err(raised)?)
+    }
+
+    fn __eq__(&self, other: &Self) -> bool {
+        self.launched == other.launched
+    }
+
+    fn __repr__(&self) -> String {
+        let rays = self.launched.stats.rays;
+        format!("<anyhit.Launched: {rays} rays, {} printed lines>", self.launched.printed.len())
+    }
+}
+
+/// A report of an intersection shader.
+pub(crate) fn report_dict<'py>(
+    py: Python<'py>,
+    report: &anyhit::ReportedHit,
+) -> PyResult<Bound<'py, PyDict>> {
+    let dict = PyDict::new(py);
+    dict.set_item("t", report.t)?;
+    dict.set_item("kind", report.kind)?;
+    dict.set_item("attributes", to_python(py, &report.attributes)?)?;
+    dict.set_item("accepted", report.accepted)?;
+    Ok(dict)
 }
 
 /// What one invocation of a shader left.
 #[pyclass(frozen, module = "anyhit")]
 pub(crate) struct ShaderOutcome {
     pub(crate) outcome: anyhit::ShaderOutcome,
+    pub(crate) programs: [Arc<Program>; 1],
 }
 
 #[pymethods]
@@ -155,12 +259,7 @@ impl ShaderOutcome {
     fn reports<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
         let list = PyList::empty(py);
         for report in &self.outcome.reports {
-            let dict = PyDict::new(py);
-            dict.set_item("t", report.t)?;
-            dict.set_item("kind", report.kind)?;
-            dict.set_item("attributes", to_python(py, &report.attributes)?)?;
-            dict.set_item("accepted", report.accepted)?;
-            list.append(dict)?;
+            list.append(report_dict(py, report)?)?;
         }
         Ok(list)
     }
@@ -168,7 +267,54 @@ impl ShaderOutcome {
     /// The traces that it made, with what answered them.
     #[getter]
     fn traces(&self) -> Vec<TraceCall> {
-        self.outcome.traces.iter().map(|call| TraceCall { call: call.clone() }).collect()
+        self.outcome
+            .traces
+            .iter()
+            .map(|call| TraceCall { call: call.clone(), found: Arc::default() })
+            .collect()
+    }
+
+    /// The hit objects that it executed, with what answered them.
+    #[getter]
+    fn executes(&self) -> Vec<ExecuteCall> {
+        self.outcome.executes.iter().map(|call| ExecuteCall { call: call.clone() }).collect()
+    }
+
+    /// The callable shaders that it called: `index`, and the data before (`given`) and after the
+    /// answer (`data`).
+    #[getter]
+    fn calls<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
+        let list = PyList::empty(py);
+        for call in &self.outcome.calls {
+            let dict = PyDict::new(py);
+            dict.set_item("index", call.index)?;
+            dict.set_item("given", to_python(py, &call.given)?)?;
+            dict.set_item("data", to_python(py, &call.data.value())?)?;
+            list.append(dict)?;
+        }
+        Ok(list)
+    }
+
+    /// The exact normal of the surface that was hit, in world space; `None` of a box.
+    #[getter]
+    fn exact_normal(&self) -> Option<[f32; 3]> {
+        self.outcome.exact_normal()
+    }
+
+    /// The exact normal in the object space of the instance.
+    #[getter]
+    fn exact_object_normal(&self) -> Option<[f32; 3]> {
+        self.outcome.exact_object_normal()
+    }
+
+    /// Raises `Expectation` where a member of the payload is farther from the exact normal than so
+    /// many degrees.
+    fn check_normal(
+        &self,
+        #[pyo3(from_py_with = argument::member)] member: String,
+        #[pyo3(from_py_with = argument::degrees)] degrees: f32,
+    ) -> PyResult<()> {
+        self.outcome.check_normal(&member, degrees.into()).map_err(raised)
     }
 
     /// What it printed.
@@ -177,26 +323,71 @@ impl ShaderOutcome {
         self.outcome.printed.clone()
     }
 
-    /// An image: an array of float32, (height, width, 4).
-    fn image<'py>(&self, py: Python<'py>, set: u32, binding: u32) -> PyResult<Bound<'py, PyAny>> {
-        texels(py, &self.outcome.image(set, binding).map_err(raised)?)
+    /// An image: an array of float32, (height, width, 4), or of the integers that it holds.
+    #[pyo3(signature = (set, binding=None))]
+    fn image<'py>(
+        &self,
+        py: Python<'py>,
+        set: &Bound<'py, PyAny>,
+        binding: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        image(py, (set, binding), &self.programs, |set, binding| self.outcome.image(set, binding))
     }
 
     /// A buffer by the names of its members.
-    fn buffer<'py>(&self, py: Python<'py>, set: u32, binding: u32) -> PyResult<Bound<'py, PyAny>> {
-        to_python(py, &self.outcome.buffer(set, binding).map_err(raised)?)
+    #[pyo3(signature = (set, binding=None))]
+    fn buffer<'py>(
+        &self,
+        py: Python<'py>,
+        set: &Bound<'py, PyAny>,
+        binding: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let bytes = |set, binding| self.outcome.buffer_bytes(set, binding);
+        let read = |set, binding| self.outcome.buffer(set, binding);
+        buffer(py, (set, binding), &self.programs, read, bytes)
     }
 
-    /// A buffer as an array of a dtype; of its bytes without one.
-    #[pyo3(signature = (set, binding, dtype=None))]
+    /// A buffer as an array of a dtype; without one, of the type that the shader declares.
+    #[pyo3(signature = (set, binding=None, dtype=None))]
     fn read_buffer<'py>(
         &self,
         py: Python<'py>,
-        set: u32,
-        binding: u32,
+        set: &Bound<'py, PyAny>,
+        binding: Option<&Bound<'py, PyAny>>,
         dtype: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        buffer_array(py, self.outcome.buffer_bytes(set, binding).map_err(raised)?, dtype)
+        let read = |set, binding| self.outcome.buffer_bytes(set, binding);
+        read_buffer(py, (set, binding, dtype), &self.programs, read)
+    }
+
+    /// The buffer at a device address, from that address on, as an array of a dtype; of its bytes
+    /// without one.
+    #[pyo3(signature = (address, dtype=None))]
+    fn read_buffer_at<'py>(
+        &self,
+        py: Python<'py>,
+        #[pyo3(from_py_with = argument::address)] address: u64,
+        dtype: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        buffer_array(py, self.outcome.read_buffer_at::<u8>(address).map_err(raised)?, dtype, None)
+    }
+
+    /// What lies at a device address by the names of its members, as the type of the first pointer
+    /// that leads there.
+    fn buffer_at<'py>(
+        &self,
+        py: Python<'py>,
+        #[pyo3(from_py_with = argument::address)] address: u64,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        to_python(py, &self.outcome.buffer_at(address).map_err(raised)?)
+    }
+
+    fn __eq__(&self, other: &Self) -> bool {
+        self.outcome == other.outcome
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<anyhit.ShaderOutcome: {:?}, payload {:?}>", self.outcome.exit, self.outcome.payload)
     }
 
     /// What the shader did, as `anyhit trace-one-ray` tells it.

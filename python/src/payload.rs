@@ -6,6 +6,7 @@ use anyhit_engine::reflect::{Layout, Rules};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyString, PyTuple};
 
+use crate::error::invalid;
 use crate::value::{Content, ScalarKind, content};
 
 /// Zeros of the payload, or the callable data, that a shader is given; `None` where it takes none.
@@ -48,7 +49,8 @@ pub(crate) fn dtype<'py>(py: Python<'py>, shape: &Value) -> PyResult<(Bound<'py,
             Ok((numpy.call_method1("dtype", (parts,))?, Vec::new()))
         }
         Content::List(elements) => {
-            let (element, inner) = dtype(py, &elements[0])?;
+            let first = elements.first().ok_or_else(|| invalid("an array without elements has no dtype"))?;
+            let (element, inner) = dtype(py, first)?;
             Ok((element, [vec![elements.len()], inner].concat()))
         }
         Content::Scalar(kind) => {

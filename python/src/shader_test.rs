@@ -2,17 +2,24 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
-use anyhit::{StructData, Value};
+use anyhit::{Descriptor, StructData, Value};
+use anyhit_engine::machine::Binding;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
+use crate::argument::{self, Argument, Buffers, wrong_class};
 use crate::error::{from_python, invalid, raised};
-use crate::instance::{Hit, Ray};
+use crate::images::{TexelArray, declared};
+use crate::instance::{Hit, Instance, Ray};
 use crate::module::{Module, Program};
-use crate::numbers::{F32, Member, Plain, members, nested};
-use crate::outcome::ShaderOutcome;
+use crate::numbers::{Member, members, nested};
+use crate::outcome::{ShaderOutcome, report_dict};
 use crate::payload;
-use crate::scene::{buffer_bytes, filled, image};
+use crate::place::{Place, split_with};
+use crate::run::{interruptible, run};
+use crate::sampler::Sampler;
+use crate::scene::{buffer_bytes, filled};
+use crate::used::Use;
 use crate::value::to_python;
 
 /// A shader with everything that one invocation of it sees. Methods return a test that also has
@@ -24,105 +31,180 @@ pub(crate) struct ShaderTest {
     module: Module,
     /// Zeros of the payload that the shader takes.
     payload: Option<Value>,
+    program: Arc<anyhit::Program>,
     /// What a callback has raised, which `run` raises again.
     raised: Arc<Mutex<Option<PyErr>>>,
+    used: Use,
 }
 
 impl ShaderTest {
-    fn with(&self, change: impl FnOnce(anyhit::ShaderTest) -> anyhit::ShaderTest) -> Self {
-        Self { test: change(self.test.clone()), ..self.clone() }
+    fn with(
+        &self,
+        method: &'static str,
+        change: impl FnOnce(anyhit::ShaderTest) -> anyhit::ShaderTest,
+    ) -> Self {
+        Self { test: change(self.test.clone()), used: Use::of("ShaderTest", method), ..self.clone() }
+    }
+
+    fn binding(&self, place: &Place) -> PyResult<Binding> {
+        self.used.mark();
+        place.binding([&*self.module.module])
     }
 }
 
 #[pymethods]
 impl ShaderTest {
     /// The entry point of a module; with its stage, where several stages share the name.
+    /// `specialization` is a dict of constants by their `SpecId`.
     #[new]
-    #[pyo3(signature = (module, entry="main", stage=None))]
-    fn new(py: Python<'_>, module: &Module, entry: &str, stage: Option<&str>) -> PyResult<Self> {
-        let test = match stage {
-            None => py.detach(|| anyhit::ShaderTest::new(&module.module, entry)).map_err(raised)?,
-            Some(_) => {
-                let program = Program::of(py, module, entry, stage)?.program;
-                anyhit::ShaderTest::of(program).map_err(raised)?
-            }
+    #[pyo3(
+        signature = (module, entry="main".to_owned(), stage=None, *, specialization=None),
+        text_signature = "(module, entry='main', stage=None, *, specialization=None)"
+    )]
+    fn new(
+        py: Python<'_>,
+        #[pyo3(from_py_with = argument::module)] module: Module,
+        #[pyo3(from_py_with = argument::entry)] entry: String,
+        #[pyo3(from_py_with = argument::of_stage)] stage: Option<String>,
+        specialization: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let module = module.specialized(specialization)?;
+        let whole = match stage {
+            None => Some(run(py, || anyhit::ShaderTest::new(&module.module, &entry))?),
+            Some(_) => None,
         };
-        let payload = payload::of_program(&Program::of(py, module, entry, stage)?.program);
-        Ok(Self { test, module: module.clone(), payload, raised: Arc::default() })
+        let program = Program::of(py, &module, &entry, stage.as_deref())?.program;
+        let test = whole.map_or_else(|| anyhit::ShaderTest::of(program.clone()).map_err(raised), Ok)?;
+        let payload = payload::of_program(&program);
+        Ok(Self { test, module, payload, program, raised: Arc::default(), used: Use::free() })
     }
 
     /// What was hit, and by which ray: all builtins of a hit shader, and its hit attributes.
-    fn hit(&self, hit: &Hit) -> Self {
-        self.with(|test| test.hit(hit.hit.clone()))
+    fn hit(&self, #[pyo3(from_py_with = argument::hit)] hit: Hit) -> Self {
+        self.with("hit", |test| test.hit(hit.hit))
     }
 
     /// The ray of a miss shader, or of a hit shader whose builtins are all set by name.
-    fn ray(&self, ray: &Ray) -> Self {
-        self.with(|test| test.ray(ray.ray))
+    fn ray(&self, #[pyo3(from_py_with = argument::ray)] ray: Ray) -> Self {
+        self.with("ray", |test| test.ray(ray.ray))
     }
 
     /// Sets `LaunchIdKHR` and `LaunchSizeKHR`.
     #[pyo3(name = "launch")]
-    fn at_launch(&self, id: [u32; 3], size: [u32; 3]) -> Self {
-        self.with(|test| test.launch(id, size))
+    fn at_launch(
+        &self,
+        #[pyo3(from_py_with = argument::id)] id: [u32; 3],
+        #[pyo3(from_py_with = argument::size)] size: [u32; 3],
+    ) -> Self {
+        self.with("launch", |test| test.launch(id, size))
     }
 
     /// Sets a builtin by its name in SPIR-V, consistent with the rest or not: "HitKindKHR",
     /// "RayTmax". A number, or a list of them.
-    fn builtin(&self, name: &str, value: &Bound<'_, PyAny>) -> PyResult<Self> {
-        let value = nested(name, value, 0)?;
-        Ok(self.with(|test| test.builtin(name, value)))
+    fn builtin(
+        &self,
+        #[pyo3(from_py_with = argument::name)] name: String,
+        value: &Bound<'_, PyAny>,
+    ) -> PyResult<Self> {
+        let value = nested(&name, value, 0)?;
+        Ok(self.with("builtin", |test| test.builtin(&name, value)))
     }
 
     /// Sets the payload that the shader is given, or the callable data: a dict by the names of its
     /// members, of which those left out are zero.
     fn payload(&self, values: &Bound<'_, PyAny>) -> PyResult<Self> {
         let Some(shape) = &self.payload else {
-            return Err(invalid("the shader takes no payload"));
+            return Err(invalid("values: the shader takes no payload"));
         };
+        if values.is_none() {
+            return Err(wrong_class("values", "a dict, or a value where the payload is no struct", values));
+        }
         let members = members(shape, values)?;
-        Ok(self.with(|test| {
+        Ok(self.with("payload", |test| {
             members.into_iter().fold(test, |test, (path, value)| test.payload_member(&path, value))
         }))
     }
 
     /// Sets the hit attributes, in place of those of the hit.
-    fn attributes(&self, attributes: [F32; 2]) -> Self {
-        self.with(|test| test.attributes(&attributes.plain()))
+    fn attributes(&self, #[pyo3(from_py_with = argument::attributes)] attributes: [f32; 2]) -> Self {
+        self.with("attributes", |test| test.attributes(&attributes))
     }
 
     /// Sets the data of the shader record, by the names of its members.
-    fn shader_record(&self, values: &Bound<'_, PyDict>) -> PyResult<Self> {
-        let data = filled(StructData::shader_record(&self.module.module).map_err(raised)?, values)?;
-        Ok(self.with(|test| test.shader_record_data(&data)))
+    fn shader_record(&self, values: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let data = StructData::shader_record(&self.module.module).map_err(raised)?;
+        let data = filled(data, "values", values)?;
+        Ok(self.with("shader_record", |test| test.shader_record_data(&data)))
     }
 
     /// Sets the push constants, by the names of their members.
-    fn push_constants(&self, values: &Bound<'_, PyDict>) -> PyResult<Self> {
-        let data = filled(StructData::push_constants(&self.module.module).map_err(raised)?, values)?;
-        Ok(self.with(|test| test.push_constants_data(&data)))
+    fn push_constants(&self, values: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let data = StructData::push_constants(&self.module.module).map_err(raised)?;
+        let data = filled(data, "values", values)?;
+        Ok(self.with("push_constants", |test| test.push_constants_data(&data)))
     }
 
     /// Binds a storage or uniform buffer: an array, C-contiguous, whose dtype and shape are
     /// compared with what the shader declares; `bytes` or an array of `uint8`, which are not; or
     /// a dict by the names of its members.
-    fn buffer(&self, set: u32, binding: u32, data: &Bound<'_, PyAny>) -> PyResult<Self> {
-        let bytes = buffer_bytes(set, binding, data, Some(&self.module))?;
-        Ok(self.with(|test| test.buffer_of(set, binding, bytes)))
+    #[pyo3(signature = (set, binding=None, data=None))]
+    fn buffer(
+        &self,
+        set: &Bound<'_, PyAny>,
+        binding: Option<&Bound<'_, PyAny>>,
+        data: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let (place, data) = split_with("data", set, binding, data)?;
+        let at = self.binding(&place)?;
+        let bytes = buffer_bytes(at, data, &self.module)?;
+        Ok(self.with("buffer", |test| test.buffer_of(at.set, at.binding, bytes)))
     }
 
-    /// Binds a storage or sampled image of a format, which is the one that the shader declares: an
-    /// array (height, width, 4) of float32, or of uint32, int32, uint64 or int64 for a format of
-    /// such integers. The names of formats are GLSL's: `"rgba32f"`, `"rgba8"`, `"r32ui"`.
-    #[pyo3(signature = (set, binding, texels, format="rgba32f"))]
-    fn image(&self, set: u32, binding: u32, texels: &Bound<'_, PyAny>, format: &str) -> PyResult<Self> {
-        let image = image(texels, format)?;
-        Ok(self.with(|test| test.image(set, binding, image)))
+    /// Binds a storage or sampled image: an array (height, width, 4) of float32, or of uint32,
+    /// int32, uint64 or int64 for a shader that reads integers. It is stored in the format that the
+    /// shader declares, unless `format` names another: GLSL's `"rgba32f"`, `"rgba8"`, `"r32ui"`.
+    /// Images of other dimensions have their own axes; with a sampler it is a combined image
+    /// sampler.
+    #[pyo3(signature = (set, binding=None, texels=None, format=None, sampler=None))]
+    fn image(
+        &self,
+        set: &Bound<'_, PyAny>,
+        binding: Option<&Bound<'_, PyAny>>,
+        texels: Option<&Bound<'_, PyAny>>,
+        #[pyo3(from_py_with = argument::format)] format: Option<String>,
+        #[pyo3(from_py_with = argument::of_sampler)] sampler: Option<Sampler>,
+    ) -> PyResult<Self> {
+        let (place, texels) = split_with("texels", set, binding, texels)?;
+        let at = self.binding(&place)?;
+        let image = TexelArray::of(texels, format.as_deref())?.image(declared([&self.program], at))?;
+        Ok(self.with("image", |test| match sampler {
+            Some(sampler) => test.image_sampler(at.set, at.binding, image, sampler.sampler),
+            None => test.image(at.set, at.binding, image),
+        }))
+    }
+
+    /// Binds a sampler.
+    #[pyo3(signature = (set, binding=None, sampler=None))]
+    fn sampler(
+        &self,
+        set: &Bound<'_, PyAny>,
+        binding: Option<&Bound<'_, PyAny>>,
+        sampler: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let (place, sampler) = split_with("sampler", set, binding, sampler)?;
+        let sampler = Descriptor::Sampler(Arc::new(Sampler::of("sampler", sampler)?.sampler));
+        let at = self.binding(&place)?;
+        Ok(self.with("sampler", |test| test.descriptor(at.set, at.binding, sampler)))
+    }
+
+    /// Puts buffers at their device addresses, for shaders that reach them by pointers.
+    fn device_buffers(&self, #[pyo3(from_py_with = argument::buffers)] buffers: Buffers) -> Self {
+        self.with("device_buffers", |test| test.device_buffers(&buffers.0))
     }
 
     /// Sets how many instructions the shader may execute.
-    fn fuel(&self, instructions: u64) -> Self {
-        self.with(|test| test.fuel(instructions))
+    fn fuel(&self, #[pyo3(from_py_with = argument::instructions)] instructions: u64) -> Self {
+        self.with("fuel", |test| test.fuel(instructions))
     }
 
     /// Answers the traces that the shader makes, in place of a scene: the callback sees a
@@ -131,16 +213,20 @@ impl ShaderTest {
         let raised = self.raised.clone();
         let answer = move |trace: &mut anyhit::TraceCall| {
             let answered = Python::attach(|py| {
-                let call = TraceCall { call: trace.clone() };
+                let found = Arc::default();
+                let call = TraceCall { call: trace.clone(), found: Arc::clone(&found) };
                 let answer = callback.bind(py).call1((call,)).and_then(|answer| match answer.is_none() {
                     true => Ok(Vec::new()),
                     false => members(&trace.payload.value(), &answer),
                 });
+                if let Some(instance) = found.lock().unwrap_or_else(PoisonError::into_inner).take() {
+                    trace.hit(instance);
+                }
                 answer.map_err(|error| keep(py, &raised, error))
             });
             write(&mut trace.payload, answered?)
         };
-        self.with(|test| test.on_trace(answer))
+        self.with("on_trace", |test| test.on_trace(answer))
     }
 
     /// Answers the callable shaders that the shader calls: the callback sees the SBT index and the
@@ -160,27 +246,84 @@ impl ShaderTest {
             });
             write(&mut call.data, answered?)
         };
-        self.with(|test| test.on_call(answer))
+        self.with("on_call", |test| test.on_call(answer))
+    }
+
+    /// Answers the hit objects that the shader executes, in place of closest-hit and miss shaders:
+    /// the callback sees an `ExecuteCall` and returns a dict of the members of the payload that it
+    /// changes, or `None`.
+    fn on_execute(&self, callback: Py<PyAny>) -> Self {
+        let raised = self.raised.clone();
+        let answer = move |execute: &mut anyhit::ExecuteCall| {
+            let answered = Python::attach(|py| {
+                let call = ExecuteCall { call: execute.clone() };
+                let answer = callback.bind(py).call1((call,)).and_then(|answer| match answer.is_none() {
+                    true => Ok(Vec::new()),
+                    false => members(&execute.payload.value(), &answer),
+                });
+                answer.map_err(|error| keep(py, &raised, error))
+            });
+            write(&mut execute.payload, answered?)
+        };
+        self.with("on_execute", |test| test.on_execute(answer))
+    }
+
+    /// Decides on the reports of an intersection shader, as an any-hit shader would: the callback
+    /// sees a dict of `t`, `kind` and `attributes`, and returns whether it accepts. It is not asked
+    /// about reports outside of the ray's interval.
+    fn on_report(&self, callback: Py<PyAny>) -> Self {
+        let raised = self.raised.clone();
+        let decide = move |report: &anyhit::ReportedHit| {
+            let decided = Python::attach(|py| {
+                let asked = report_dict(py, report).and_then(|dict| {
+                    dict.del_item("accepted")?;
+                    callback.bind(py).call1((dict,))?.is_truthy()
+                });
+                asked.map_err(|error| keep(py, &raised, error))
+            });
+            decided.unwrap_or(false)
+        };
+        self.with("on_report", |test| test.on_report(decide))
     }
 
     /// Answers every report of an intersection shader with "rejected".
     fn reject_reports(&self) -> Self {
-        self.with(anyhit::ShaderTest::reject_reports)
+        self.with("reject_reports", anyhit::ShaderTest::reject_reports)
     }
 
     /// Runs the shader once.
     fn run(&self, py: Python<'_>) -> PyResult<ShaderOutcome> {
-        let run = || self.test.clone().run();
-        match py.detach(run) {
-            Ok(outcome) => Ok(ShaderOutcome { outcome }),
+        self.used.mark();
+        match interruptible(py, || self.test.clone().run())? {
+            Ok(outcome) => match self.taken() {
+                None => Ok(ShaderOutcome { outcome, programs: [self.program.clone()] }),
+                Some(error) => Err(error),
+            },
             Err(error) => Err(self.raised(error)),
         }
     }
 
+    /// Runs the shader in the debugger, and returns the transcript of commands, one a line.
+    fn debug(
+        &self,
+        py: Python<'_>,
+        #[pyo3(from_py_with = argument::commands)] commands: String,
+    ) -> PyResult<String> {
+        self.used.mark();
+        match interruptible(py, || self.test.debug(&commands))? {
+            Ok(transcript) => Ok(transcript),
+            Err(error) => Err(self.raised(error)),
+        }
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<anyhit.ShaderTest: {} {}>", self.program.stage.name(), self.program.name)
+    }
+
     /// Runs the shader once under the sanitizer. Returns the reports of what it only warns of.
     fn sanitize(&self, py: Python<'_>) -> PyResult<Vec<String>> {
-        let run = || self.test.clone().sanitize();
-        match py.detach(run) {
+        self.used.mark();
+        match interruptible(py, || self.test.clone().sanitize())? {
             Ok(warnings) => Ok(warnings.iter().map(anyhit::Error::render).collect()),
             Err(error) => Err(self.raised(error)),
         }
@@ -190,8 +333,11 @@ impl ShaderTest {
 impl ShaderTest {
     /// What a callback has raised, or else the error.
     fn raised(&self, error: anyhit::Error) -> PyErr {
-        let callback = self.raised.lock().unwrap_or_else(PoisonError::into_inner).take();
-        callback.unwrap_or_else(|| raised(error))
+        self.taken().unwrap_or_else(|| raised(error))
+    }
+
+    fn taken(&self) -> Option<PyErr> {
+        self.raised.lock().unwrap_or_else(PoisonError::into_inner).take()
     }
 }
 
@@ -207,10 +353,70 @@ fn write(data: &mut anyhit::TypedBytes, members: Vec<Member>) -> anyhit::Result<
     members.into_iter().try_for_each(|(path, value)| data.set(&path, value))
 }
 
+/// A hit object as the tested shader executes it.
+#[pyclass(frozen, module = "anyhit")]
+pub(crate) struct ExecuteCall {
+    pub(crate) call: anyhit::ExecuteCall,
+}
+
+#[pymethods]
+impl ExecuteCall {
+    /// How many hit objects the shader executed before.
+    #[getter]
+    fn number(&self) -> usize {
+        self.call.number
+    }
+
+    /// The ray that the hit object encodes.
+    #[getter]
+    fn ray(&self) -> Ray {
+        Ray { ray: self.call.trace.ray }
+    }
+
+    /// The closest hit, a dict of its indices, `t`, `kind` and `attributes`; `None` for a miss.
+    #[getter]
+    fn hit<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
+        let Some(hit) = self.call.hit else { return Ok(None) };
+        let dict = PyDict::new(py);
+        dict.set_item("instance", hit.instance)?;
+        dict.set_item("custom_index", hit.custom_index)?;
+        dict.set_item("geometry", hit.geometry)?;
+        dict.set_item("primitive", hit.primitive)?;
+        dict.set_item("t", hit.t)?;
+        dict.set_item("kind", hit.kind.0)?;
+        dict.set_item("attributes", hit.attributes)?;
+        Ok(Some(dict))
+    }
+
+    /// The index into the table of hit groups, or of miss shaders.
+    #[getter]
+    fn record(&self) -> u64 {
+        self.call.record
+    }
+
+    /// The payload as the shader gives it.
+    #[getter]
+    fn given<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        to_python(py, &self.call.given)
+    }
+
+    /// The payload as the answer leaves it.
+    #[getter]
+    fn payload<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        to_python(py, &self.call.payload.value())
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<anyhit.ExecuteCall {}: record {}>", self.call.number, self.call.record)
+    }
+}
+
 /// A trace as the tested shader executes it.
 #[pyclass(frozen, module = "anyhit")]
 pub(crate) struct TraceCall {
     pub(crate) call: anyhit::TraceCall,
+    /// What a trace into a hit object finds.
+    pub(crate) found: Arc<Mutex<Option<anyhit::Instance>>>,
 }
 
 #[pymethods]
@@ -261,6 +467,23 @@ impl TraceCall {
     #[getter]
     fn miss_index(&self) -> u32 {
         self.call.miss_index
+    }
+
+    /// Whether it is traced into a hit object: `hit` says what that finds.
+    #[getter(into_hit_object)]
+    fn is_into_hit_object(&self) -> bool {
+        self.call.into_hit_object
+    }
+
+    /// Lets a trace into a hit object meet this instance alone; where the ray passes by, and without
+    /// this, the hit object encodes a miss.
+    fn hit(&self, #[pyo3(from_py_with = argument::instance)] instance: Instance) {
+        *self.found.lock().unwrap_or_else(PoisonError::into_inner) = Some(instance.instance);
+    }
+
+    fn __repr__(&self) -> String {
+        let anyhit::Ray { origin, direction, .. } = self.call.trace.ray;
+        format!("<anyhit.TraceCall {}: from {origin:?} towards {direction:?}>", self.call.number)
     }
 
     /// The payload as the shader gives it.

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use anyhit::Error;
 use anyhit_base::input::RootFolder;
 use anyhit_cases::many_seeds::ManySeeds;
 use anyhit_cases::shares::Shard;
@@ -12,7 +13,9 @@ use anyhit_scene::SceneFiles;
 use pyo3::exceptions::PyIndexError;
 use pyo3::prelude::*;
 
-use crate::error::raised;
+use crate::argument;
+use crate::error::span;
+use crate::run::run;
 
 /// The tests of a scene file, or of a folder: its launch, and each of its rays that expects
 /// something.
@@ -25,14 +28,14 @@ pub(crate) struct Suite {
 impl Suite {
     /// Finds the tests of a `scene.toml`, a `*.test.toml`, or all beneath a folder.
     #[new]
-    fn new(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
-        let found = py.detach(|| {
+    fn new(py: Python<'_>, #[pyo3(from_py_with = argument::path)] path: PathBuf) -> PyResult<Self> {
+        let suite = run(py, || {
             suite::Suite::find_within(&[path], &|file, tree| {
                 let root = Some(RootFolder::of_test(file, tree)?);
                 Ok(SceneFiles { root, ..SceneFiles::default() })
             })
-        });
-        Ok(Self { suite: found.map_err(raised)? })
+        })?;
+        Ok(Self { suite })
     }
 
     /// The names of the tests, in order.
@@ -48,13 +51,13 @@ impl Suite {
     fn run(
         &self,
         py: Python<'_>,
-        at: usize,
-        sanitize: bool,
-        many_seeds: Option<u64>,
-        perturb: Option<u32>,
-        all_widths: bool,
-        explanation: bool,
-        pictures: Option<PathBuf>,
+        #[pyo3(from_py_with = argument::at)] at: usize,
+        #[pyo3(from_py_with = argument::sanitize)] sanitize: bool,
+        #[pyo3(from_py_with = argument::many_seeds)] many_seeds: Option<u64>,
+        #[pyo3(from_py_with = argument::perturb)] perturb: Option<u32>,
+        #[pyo3(from_py_with = argument::all_widths)] all_widths: bool,
+        #[pyo3(from_py_with = argument::explanation)] explanation: bool,
+        #[pyo3(from_py_with = argument::pictures)] pictures: Option<PathBuf>,
     ) -> PyResult<Finished> {
         let count = self.suite.tests().len();
         if at >= count {
@@ -72,30 +75,60 @@ impl Suite {
             pictures: pictures.unwrap_or_else(|| std::env::temp_dir().join("anyhit-test")),
             ..SuiteOptions::default()
         };
-        let result = py.detach(|| {
+        run(py, || {
             let mut found = None;
             one.run(&options, &mut |finished, test| {
                 let outcome = match &finished.outcome {
-                    Outcome::Passed | Outcome::Renewed => ("passed", String::new()),
-                    Outcome::KnownFailure(why) => ("known failure", why.clone()),
-                    Outcome::Failed(_) => ("failed", test.text.clone()),
-                    Outcome::Broken(_) => ("error", test.text.clone()),
+                    Outcome::Passed | Outcome::Renewed => Finished::new("passed", "", &[]),
+                    Outcome::KnownFailure(why) => Finished::new("known failure", why, &[]),
+                    Outcome::Failed(failure) => Finished::new("failed", &test.text, &failure.errors),
+                    Outcome::Broken(error) => Finished::new("error", &test.text, std::slice::from_ref(error)),
                 };
                 found = Some(outcome);
                 Ok(())
             })?;
-            Ok(found.unwrap_or_default())
-        });
-        let (outcome, text) = result.map_err(raised)?;
-        Ok(Finished { outcome: outcome.to_owned(), text })
+            Ok(found.unwrap_or_else(|| Finished::new("passed", "", &[])))
+        })
     }
 }
 
-/// What became of a test.
+/// The end of a test.
 #[pyclass(frozen, get_all, module = "anyhit")]
 pub(crate) struct Finished {
     /// "passed", "failed", "error" where it could not run, or "known failure".
     outcome: String,
     /// The report of a failure, or why it is known to fail.
     text: String,
+    /// The first difference or mistake in one line; empty where there is none.
+    reason: String,
+    /// File and line of it, where they are known.
+    place: Option<(String, u32)>,
+}
+
+impl Finished {
+    fn new(outcome: &str, text: &str, errors: &[Error]) -> Self {
+        let reason = errors.first().map(|error| without_bits(error.message())).unwrap_or_default();
+        let more = match errors.len() {
+            0 | 1 => String::new(),
+            count => format!(" (and {} more)", count - 1),
+        };
+        let places = errors.iter().flat_map(Error::places);
+        let place = places.filter_map(|(place, _)| span(place)).map(|(file, line, _)| (file, line)).next();
+        Self { outcome: outcome.to_owned(), text: text.to_owned(), reason: reason + &more, place }
+    }
+}
+
+#[pymethods]
+impl Finished {
+    fn __repr__(&self) -> String {
+        let Self { outcome, reason, .. } = self;
+        format!("<anyhit.Finished: {outcome}{}{reason}>", if reason.is_empty() { "" } else { ": " })
+    }
+}
+
+/// A message without the bits of its numbers: ` (bits 0x3f000000)`.
+fn without_bits(message: &str) -> String {
+    let mut parts = message.split(" (bits 0x");
+    let first = parts.next().unwrap_or_default().to_owned();
+    parts.fold(first, |text, part| text + part.split_once(')').map_or(part, |(_, rest)| rest))
 }

@@ -2,16 +2,17 @@
 
 use std::ops::Range;
 
-use anyhit::{Pipeline, Ray, RayOperands, Scene, Stats, Value};
-use numpy::{IntoPyArray, PyArrayMethods};
-use pyo3::prelude::*;
-use pyo3::types::PyDict;
-use rayon::prelude::*;
-
 use crate::array::{Points, Scalars, bytes, from_bytes};
 use crate::error::{invalid, raised_of_ray};
 use crate::outcome::stats;
 use crate::payload;
+use crate::run::interruptible;
+use anyhit::{Pipeline, Ray, RayOperands, Scene, Stats, Value};
+use anyhit_base::interrupt::Interrupt;
+use anyhit_base::threads::map_on_threads;
+use numpy::{IntoPyArray, PyArrayMethods};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
 
 /// The index that stands for a primitive where a ray hit nothing.
 const NONE: u32 = u32::MAX;
@@ -65,6 +66,11 @@ pub(crate) struct Traced {
 impl Traced {
     fn __len__(&self, py: Python<'_>) -> PyResult<usize> {
         self.t.bind(py).len()
+    }
+
+    fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
+        let hits: usize = self.hit.bind(py).call_method0("sum")?.extract()?;
+        Ok(format!("<anyhit.Traced: {} rays, {hits} hits>", self.__len__(py)?))
     }
 }
 
@@ -154,7 +160,7 @@ impl Columns {
             payload,
             printed: self.printed,
             stats: stats(py, &self.stats)?.unbind(),
-            scene: Py::new(py, crate::scene::Scene { scene })?,
+            scene: Py::new(py, crate::scene::Scene::new(scene))?,
         })
     }
 }
@@ -199,7 +205,12 @@ impl Rays<'_> {
         range: Range<usize>,
     ) -> Result<Columns, (usize, anyhit::Error)> {
         let mut columns = Columns::default();
+        let interrupt = Interrupt::current();
         for at in range {
+            // What has run so far is discarded.
+            if interrupt.as_ref().is_some_and(Interrupt::is_raised) {
+                break;
+            }
             let operands = self.operands(at);
             let ray = operands.trace.ray;
             columns.push(ray, scene.trace_in_place(pipeline, operands).map_err(|error| (at, error))?);
@@ -215,13 +226,10 @@ impl Rays<'_> {
         if share_memory(pipeline) {
             return self.trace(pipeline, scene, 0..self.count);
         }
-        let shares = (0..self.count.div_ceil(SHARE)).into_par_iter();
-        let shares: Vec<_> = shares
-            .map(|share| {
-                let range = share * SHARE..self.count.min((share + 1) * SHARE);
-                self.trace(pipeline, scene, range)
-            })
-            .collect();
+        let shares = map_on_threads(self.count.div_ceil(SHARE), |share| {
+            let range = share * SHARE..self.count.min((share + 1) * SHARE);
+            self.trace(pipeline, scene, range)
+        });
         let mut shares = shares.into_iter();
         let mut columns = shares.next().unwrap_or_else(|| Ok(Columns::default()))?;
         for share in shares {
@@ -281,7 +289,7 @@ pub(crate) fn trace(
         operands: &arguments.operands,
     };
     let (pipeline, scene) = scene.copied_for_run(pipeline);
-    let columns = py.detach(|| rays.trace_all(&pipeline, &scene));
+    let columns = interruptible(py, || rays.trace_all(&pipeline, &scene))?;
     columns.map_err(|(at, error)| raised_of_ray(error, at))?.into_arrays(py, shape.as_ref(), scene)
 }
 

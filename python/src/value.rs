@@ -28,7 +28,8 @@ pub(crate) fn content(value: &Value) -> Content<'_> {
     if !fields.is_empty() {
         return Content::Struct(fields);
     }
-    if !value.elements().is_empty() {
+    // An array without elements has no other sign than its type.
+    if !value.elements().is_empty() || value.ty().ends_with(']') {
         return Content::List(value.elements());
     }
     Content::Scalar(scalar_kind(value))

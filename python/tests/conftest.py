@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import shutil
 from pathlib import Path
 
 import anyhit
@@ -67,3 +69,11 @@ def builtins() -> anyhit.Module:
 def pipeline(builtins: anyhit.Module) -> anyhit.Pipeline:
     shade, sky = (anyhit.Program(builtins, name) for name in ("shade", "sky"))
     return anyhit.Pipeline(hit=[shade], miss=[sky])
+
+
+@pytest.fixture(scope="session")
+def glslang() -> None:
+    """Skips a test that compiles GLSL where no compiler is installed."""
+    names = ["glslang", "glslangValidator", "glslc"]
+    if not os.environ.get("GLSLANG") and not any(map(shutil.which, names)):
+        pytest.skip("SKIPPED: glslang is not installed")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
+from typing import Any
 
 import anyhit
 import numpy as np
@@ -135,7 +136,8 @@ def test_scenes_take_arrays_of_their_shapes() -> None:
     with pytest.raises(anyhit.InvalidArgument, match=r"vertices: .* not \(N, 3\) or \(N, 3, 3\)"):
         anyhit.Instance.triangles(np.zeros((4, 2), np.float32))
     with pytest.raises(anyhit.InvalidArgument, match="indices: an array of int64, not of uint32"):
-        anyhit.Instance.triangles(np.zeros((4, 3), np.float32), np.zeros((1, 3), np.int64))
+        wide: Any = np.zeros((1, 3), np.int64)
+        anyhit.Instance.triangles(np.zeros((4, 3), np.float32), wide)
     with pytest.raises(anyhit.InvalidScene, match="instance 0"):
         anyhit.Scene([anyhit.Instance.spheres([[0, 0, 0]], [1, 2])])
     with pytest.raises(anyhit.InvalidArgument, match="matrix: 2 rows, not 3"):

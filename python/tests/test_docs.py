@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np  # noqa: F401 (loads once per process, and pytester forgets what its runs load)
 import pytest
 from conftest import FIXTURES, REPOSITORY
 

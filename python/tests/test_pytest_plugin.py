@@ -121,3 +121,31 @@ def test_cases_of_the_repository_pass_on_two_workers(pytester: pytest.Pytester) 
     )
     assert shared.ret == 0
     assert shared.parseoutcomes()["passed"] == alone.parseoutcomes()["passed"] > 10
+
+
+def test_the_summary_has_the_reason(project: pytest.Pytester, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "200")
+    file = project.path / "cases/ball.test.toml"
+    file.write_text(file.read_text().replace("payload = { t = 3.5, hits = 1", "payload = { t = 3.25, hits = 2"))
+    result = project.runpytest_inprocess()
+    reason = "payload.t: expected 3.25, found 3.5, *"
+    summary = "FAILED cases/ball.test.toml::the centre - " + reason
+    result.stdout.fnmatch_lines([summary, "*1 failed, 1 passed*"])
+    # The hint is a call of Python.
+    result.stdout.fnmatch_lines(['*see also: anyhit.Scene.open("*ball.test.toml").explain("the centre")'])
+    lines = project.runpytest_inprocess("--tb=line")
+    lines.stdout.fnmatch_lines(["cases/ball.test.toml:22: " + reason + "(and 1 more)"])
+    if importlib.util.find_spec("xdist") is not None:
+        shared = project.runpytest_subprocess("-n", "2", "-p", "no:cacheprovider")
+        shared.stdout.fnmatch_lines([summary, "*1 failed, 1 passed*"])
+
+
+def test_cases_have_a_marker_and_an_empty_file_a_note(project: pytest.Pytester) -> None:
+    project.runpytest_inprocess("-m", "anyhit", "--strict-markers").assert_outcomes(passed=2)
+    project.runpytest_inprocess("-m", "not anyhit").assert_outcomes(deselected=2)
+    file = project.path / "cases/empty.test.toml"
+    rays = (project.path / "cases/ball.test.toml").read_text().partition("[[ray]]")[0]
+    file.write_text(rays)
+    result = project.runpytest_inprocess()
+    result.stdout.fnmatch_lines(["*PytestCollectionWarning: empty.test.toml has no test: *"])
+    assert result.parseoutcomes()["passed"] == 2

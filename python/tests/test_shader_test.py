@@ -65,7 +65,7 @@ def test_a_shader_writes_into_a_buffer() -> None:
     assert closest["lss"] == [[-1, 0, 0, 0.5], [1, 0, 2, 0.25]]
     assert (closest["is_lss"], closest["runs"], any_hit["runs"]) == (1, 2, 2)
     # As an array of its size it is what its bytes are.
-    size = outcome.read_buffer(0, 1).size
+    size = outcome.read_buffer(0, 1, np.uint8).size
     again = test.buffer(0, 1, np.zeros(size // 4, np.float32)).run()
     assert again.read_buffer(0, 1, np.float32).shape == (size // 4,)
     assert again.buffer(0, 1)["outputs"][0][0]["runs"] == 1

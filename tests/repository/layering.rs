@@ -2,9 +2,9 @@
 //!
 //! The engine has the layers `pipeline -> interp -> program -> reflect -> ops -> {module, machine
 //! -> accel} -> geometry -> math`, the base `{input, atomic_file} -> error -> {escape, sorted,
-//! style}`: a module may import what stands to its right. A few crates of others are named in one
-//! place only, readers of files in one file, files are written in one place, and only the command
-//! line prints.
+//! style, threads} -> interrupt`: a module may import what stands to its right. A few crates of
+//! others are named in one place only, readers of files in one file, files are written in one
+//! place, and only the command line prints.
 
 use std::fs;
 
@@ -27,7 +27,10 @@ const LAYERS: &[(&str, &[&[&str]])] = &[
             &["math"],
         ],
     ),
-    ("base", &[&["input", "atomic_file"], &["error"], &["escape", "sorted", "style"]]),
+    (
+        "base",
+        &[&["input", "atomic_file"], &["error"], &["escape", "sorted", "style", "threads"], &["interrupt"]],
+    ),
 ];
 
 /// Crates of others, and what may name them: a module of a crate with layers, else one of our

@@ -6,7 +6,7 @@
 //! terminal, a page or a report only through [`escape`]. Files are read within
 //! [`InputLimits`](input::InputLimits) and written through [`atomic_file`], so a failed write keeps
 //! the old content. [`sorted`] contains vectors as maps and sets, which iterate in the same order
-//! on every machine.
+//! on every machine. [`threads`] runs independent work, which a host ends by an [`interrupt`].
 //!
 //! This crate contains nothing about shaders except the names of their stages. The crate `anyhit`
 //! re-exports the items for users; other items may change in any version.
@@ -16,5 +16,7 @@ pub mod atomic_file;
 pub mod error;
 pub mod escape;
 pub mod input;
+pub mod interrupt;
 pub mod sorted;
 pub mod style;
+pub mod threads;

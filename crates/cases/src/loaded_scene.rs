@@ -307,7 +307,8 @@ impl LoadedScene {
     }
 
     /// Replaces a shader, by its name below `[shaders]`, by a source text; the extension of
-    /// `file_name` tells its language. Entry points keep their names.
+    /// `file_name` tells its language. A file of that name is not read; includes are searched
+    /// beside it. Entry points keep their names.
     ///
     /// # Errors
     /// `InvalidArgument` where the scene uses no shader of that name. Mistakes in the source are

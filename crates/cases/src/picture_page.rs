@@ -7,10 +7,10 @@ use crate::expect::PictureDifference;
 use crate::observe::fresh_resources;
 use crate::pixel_cost::{Heat, HeatMeasure};
 use anyhit_base::error::Result;
+use anyhit_base::threads::map_on_threads;
 use anyhit_debugger::line_recorder::FollowedRuns;
 use anyhit_debugger::source_text::source_text;
 use anyhit_debugger::{ExplainRequest, Session};
-use anyhit_engine::pipeline::map_on_threads;
 use anyhit_explain::render::{self, RenderOptions};
 use anyhit_scene::Files;
 

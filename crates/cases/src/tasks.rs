@@ -1,6 +1,7 @@
 //! Runs the invocations of a launch one by one, on all threads.
 
-use anyhit_engine::pipeline::{Launch, map_on_threads};
+use anyhit_base::threads::map_on_threads;
+use anyhit_engine::pipeline::Launch;
 
 /// Runs the invocations of a launch in tasks on all threads: in ranges of 256 consecutive launch
 /// indices, or in one task where shaders depend on the order of invocations or share memory. A

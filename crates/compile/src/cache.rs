@@ -40,13 +40,14 @@ const MAX_UNUSED: Duration = Duration::from_secs(30 * DAY);
 const DAY: u64 = 24 * 60 * 60;
 
 /// The first words of every entry, with the version of the format and of the processing of modules.
-const MAGIC: &str = "anyhit module 2";
+const MAGIC: &str = "anyhit module 3";
 
 /// Begins the entries of every version.
 const MAGIC_OF_ALL: &[u8] = b"anyhit module ";
 
 /// Compiles a source, or takes the module from the cache if it was compiled before with the same
-/// text and name, included files, options and version of the compiler.
+/// text and name, included files, options and version of the compiler. A source with an include
+/// that only a preprocessor can name is always compiled.
 ///
 /// # Errors
 /// As [`Source::compile`].
@@ -70,13 +71,20 @@ pub fn compile_once_with_warnings(source: &Source, options: &CompileOptions) -> 
 /// # Errors
 /// As [`Source::compile`].
 pub fn compile_once_in(folder: &Path, source: &Source, options: &CompileOptions) -> Result<Compiled> {
-    let key = key(source, options)?;
+    let Some(key) = key(source, options)? else {
+        return compile_with_warnings(source, options);
+    };
     let path = folder.join(&key);
     if let Some(compiled) = fs::read(&path).ok().and_then(|entry| content(&key, &entry)) {
         touch(&path);
         return Ok(compiled);
     }
+    let was_file = source.is_file();
     let compiled = compile_with_warnings(source, options)?;
+    // A file that changed meanwhile may be part of the module, which then belongs to another key.
+    if source.is_file() != was_file || self::key(source, options)?.as_ref() != Some(&key) {
+        return Ok(compiled);
+    }
     // A failure to write only makes the next compilation slower.
     let _ = write(&path, &entry(&key, &compiled));
     static SWEEP_ONCE: Once = Once::new();
@@ -173,8 +181,10 @@ fn user_cache() -> Option<PathBuf> {
     absolute("XDG_CACHE_HOME").or_else(|| Some(home()?.join(".cache")))
 }
 
-/// The hash of everything that a module depends on.
-fn key(source: &Source, options: &CompileOptions) -> Result<String> {
+/// The hash of everything that a module depends on; `None` where that is not known before it is
+/// compiled.
+fn key(source: &Source, options: &CompileOptions) -> Result<Option<String>> {
+    let Some(content) = source.exact_hash() else { return Ok(None) };
     let compiler = match source.language() {
         #[cfg(feature = "glsl")]
         Language::Glsl(_) if !glslang_tool::is_requested() => super::tool(source.language())?,
@@ -188,11 +198,11 @@ fn key(source: &Source, options: &CompileOptions) -> Result<String> {
         &compiler,
         &format!("{options:?} {:?}", source.language()),
         source.name(),
-        &source.content_hash(),
+        &content,
     ];
     // Lengths precede the parts, so that different lists never give the same text.
     let text: String = parts.iter().map(|part| format!("{} {part}\n", part.len())).collect();
-    Ok(bytes_hash(text.as_bytes()))
+    Ok(Some(bytes_hash(text.as_bytes())))
 }
 
 /// The bytes of an entry: `MAGIC HASH`, a line with the warnings as JSON, the module. The hash is

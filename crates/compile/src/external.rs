@@ -106,6 +106,7 @@ pub(super) struct Workspace {
     output_folder: tempfile::TempDir,
     _guard: RemovalGuard,
     folder: PathBuf,
+    source_path: PathBuf,
 }
 
 impl Workspace {
@@ -116,22 +117,29 @@ impl Workspace {
         let output_folder = output_folder.map_err(|error| Error::io(env::temp_dir(), error))?;
         let guard = RemovalGuard::new(output_folder.path());
         let mut folder = output_folder.path().to_owned();
+        let source_path = source.external_path();
         if source.is_file() {
             let own = source.folder();
             folder = if own.as_os_str().is_empty() { PathBuf::from(".") } else { own.to_owned() };
         } else {
-            let path = folder.join(source.name());
+            let path = folder.join(&source_path);
             let parent = path.parent().unwrap_or(&folder);
             fs::create_dir_all(parent).map_err(|error| Error::io(parent, error))?;
             atomic_file::write_unsynced(&path, source.text().as_bytes())?;
         }
         let folder = fs::canonicalize(&folder).map_err(|error| Error::io(&folder, error))?;
-        Ok(Self { output_folder, _guard: guard, folder: without_verbatim_prefix(&folder) })
+        let folder = without_verbatim_prefix(&folder);
+        Ok(Self { output_folder, _guard: guard, folder, source_path })
     }
 
     /// The folder that names of files are relative to.
     pub(super) fn folder(&self) -> &Path {
         &self.folder
+    }
+
+    /// The path of the source, relative to the folder.
+    pub(super) fn source_path(&self) -> &Path {
+        &self.source_path
     }
 
     /// The path to which the compiler writes the module.
@@ -144,18 +152,57 @@ impl Workspace {
         run(command.current_dir(&self.folder))
     }
 
-    /// The module that a compiler wrote, which ended without an error; if there is none, the error
-    /// has what the compiler printed.
+    /// The module that a compiler wrote, which ended without an error, with the source's name in
+    /// place of its path; if there is none, the error has what the compiler printed.
     ///
     /// # Errors
     /// `UnsupportedTool` where the file is missing or empty, `Io` where it cannot be read.
     pub(super) fn module(&self, tool: &Tool, source: &Source, printed: &str) -> Result<Vec<u8>> {
         match fs::read(self.output()) {
-            Ok(module) if !module.is_empty() => Ok(module),
+            Ok(module) if !module.is_empty() => {
+                let path = self.folder.join(&self.source_path);
+                let is_source = |text: &str| [&path, &self.source_path].contains(&&PathBuf::from(text));
+                let name = |text: &str| if is_source(text) { source.name() } else { text }.to_owned();
+                Ok(if Path::new(source.name()) == self.source_path {
+                    module
+                } else {
+                    with_strings(&module, name)
+                })
+            }
             Err(error) if error.kind() != io::ErrorKind::NotFound => Err(Error::io(self.output(), error)),
             _ => Err(tool.failed(source, "reported no error but wrote no module", printed)),
         }
     }
+}
+
+/// A module with other texts of its `OpString` instructions, which are names of files and sources.
+pub(super) fn with_strings(spirv: &[u8], change: impl Fn(&str) -> String) -> Vec<u8> {
+    const HEADER: usize = 5;
+    const OP_STRING: u32 = 7;
+    let words: Vec<u32> =
+        spirv.chunks_exact(4).map(|word| u32::from_le_bytes([word[0], word[1], word[2], word[3]])).collect();
+    let mut out = words[..HEADER.min(words.len())].to_vec();
+    let mut remaining = &words[out.len()..];
+    while let Some(&first) = remaining.first() {
+        let length = ((first >> 16) as usize).clamp(1, remaining.len());
+        let (instruction, rest) = remaining.split_at(length);
+        remaining = rest;
+        if first & 0xFFFF != OP_STRING || length < 3 {
+            out.extend(instruction);
+            continue;
+        }
+        let bytes: Vec<u8> = instruction[2..].iter().flat_map(|word| word.to_le_bytes()).collect();
+        let text = bytes.split(|&byte| byte == 0).next().unwrap_or_default();
+        let mut bytes = change(&String::from_utf8_lossy(text)).into_bytes();
+        // A literal ends with a zero byte and fills its last word with more of them.
+        bytes.resize(bytes.len() / 4 * 4 + 4, 0);
+        let literal =
+            bytes.chunks_exact(4).map(|word| u32::from_le_bytes([word[0], word[1], word[2], word[3]]));
+        out.push((2 + literal.len() as u32) << 16 | OP_STRING);
+        out.push(instruction[1]);
+        out.extend(literal);
+    }
+    out.iter().flat_map(|word| word.to_le_bytes()).collect()
 }
 
 impl Tool {
@@ -234,6 +281,8 @@ fn without_verbatim_prefix(path: &Path) -> PathBuf {
 
 #[cfg(test)]
 mod tests {
+    use std::path::Component;
+
     use super::*;
 
     #[test]
@@ -241,6 +290,48 @@ mod tests {
         let error = Tool::find("ANYHIT_NO_SUCH_VARIABLE", &["no-such-slangc", "nor-this"]).unwrap_err();
         assert_eq!(error.kind(), ErrorKind::UnsupportedTool);
         assert_eq!(error.message(), "no compiler `no-such-slangc`, `nor-this` is installed");
+    }
+
+    #[test]
+    fn a_text_in_memory_stays_inside_the_workspace() {
+        let folder = tempfile::tempdir().unwrap();
+        let outside = folder.path().join("a.rmiss");
+        fs::write(&outside, "a file of the user").unwrap();
+        let absolute = outside.to_string_lossy().into_owned();
+        for name in [&*absolute, "../../a.rmiss", "./b/../a.rmiss", "a.rmiss"] {
+            let source = Source::from_text(name, "void main() {}").unwrap();
+            let workspace = Workspace::new(&source).unwrap();
+            let path = workspace.folder().join(workspace.source_path());
+            assert_eq!(fs::read_to_string(path).unwrap(), "void main() {}", "{name}");
+            assert!(workspace.source_path().components().all(|part| matches!(part, Component::Normal(_))));
+        }
+        assert_eq!(fs::read_to_string(&outside).unwrap(), "a file of the user");
+    }
+
+    #[test]
+    fn a_file_whose_text_was_replaced_is_not_opened() {
+        let folder = tempfile::tempdir().unwrap();
+        fs::write(folder.path().join("a.rmiss"), "on disk").unwrap();
+        let source = Source::read_in(folder.path(), "a.rmiss").unwrap();
+        let folder_of = |source: &Source| Workspace::new(source).unwrap().folder().to_owned();
+        assert_eq!(folder_of(&source), fs::canonicalize(folder.path()).unwrap());
+        for text in ["changed", "longer than before"] {
+            fs::write(folder.path().join("a.rmiss"), text).unwrap();
+            let workspace = Workspace::new(&source).unwrap();
+            let path = workspace.folder().join(workspace.source_path());
+            assert_eq!(fs::read_to_string(path).unwrap(), "on disk");
+        }
+    }
+
+    #[test]
+    fn strings_of_a_module_are_replaced() {
+        // Header, then OpString %1 "abc", then OpNop.
+        let words = [0x0723_0203, 0x10600, 0, 2, 0, 3 << 16 | 7, 1, 0x0063_6261, 1 << 16];
+        let spirv: Vec<u8> = words.iter().flat_map(|word: &u32| word.to_le_bytes()).collect();
+        let expected = [0x0723_0203, 0x10600, 0, 2, 0, 4 << 16 | 7, 1, 0x6463_6261, 0, 1 << 16];
+        let expected: Vec<u8> = expected.iter().flat_map(|word: &u32| word.to_le_bytes()).collect();
+        assert_eq!(with_strings(&spirv, |text| format!("{text}d")), expected);
+        assert_eq!(with_strings(&spirv, str::to_owned), spirv);
     }
 
     #[cfg(unix)]

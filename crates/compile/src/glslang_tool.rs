@@ -63,7 +63,7 @@ pub(super) fn compile(source: &Source, stage: Stage, options: &CompileOptions) -
         command.arg(argument);
     }
     command.args(options.flags.define_arguments());
-    let result = workspace.run(command.arg("-o").arg(workspace.output()).arg(source.name()))?;
+    let result = workspace.run(command.arg("-o").arg(workspace.output()).arg(workspace.source_path()))?;
     if let Some(crash) = tool.crash(source, &result) {
         return Err(crash);
     }

@@ -1,6 +1,7 @@
 //! Parses the messages of external compilers into errors with places.
 
 use std::ops::Range;
+use std::path::Path;
 use std::sync::Arc;
 
 use super::Source;
@@ -62,7 +63,7 @@ pub(super) fn error(source: &Source, diagnostics: Vec<CompilerDiagnostic>, outpu
     let errors = diagnostics.into_iter().map(|diagnostic| {
         let error = Error::new(ErrorKind::InvalidSource, diagnostic.text);
         let error = diagnostic.notes.into_iter().fold(error, Error::note);
-        let name = if diagnostic.file.is_empty() { source.name() } else { &diagnostic.file };
+        let name = named_file(source, &diagnostic.file);
         let text = if name == source.name() { Some(source.text()) } else { files.get(name) };
         match text {
             _ if diagnostic.line == 0 => error.at(Place::File(name.into())),
@@ -85,7 +86,7 @@ pub(super) fn error(source: &Source, diagnostics: Vec<CompilerDiagnostic>, outpu
 pub(super) fn warnings(source: &Source, diagnostics: Vec<CompilerDiagnostic>) -> Vec<Warning> {
     let mut warnings: Vec<Warning> = Vec::new();
     for diagnostic in diagnostics {
-        let file = if diagnostic.file.is_empty() { source.name().to_owned() } else { diagnostic.file };
+        let file = named_file(source, &diagnostic.file).to_owned();
         let number = |number| u32::try_from(number).unwrap_or(u32::MAX);
         let (line, column) = (number(diagnostic.line), number(diagnostic.column));
         let notes = diagnostic.notes.into_iter().map(|note| format!("; {note}"));
@@ -96,6 +97,12 @@ pub(super) fn warnings(source: &Source, diagnostics: Vec<CompilerDiagnostic>) ->
         }
     }
     warnings
+}
+
+/// The name of the file that a compiler names: the source, or a file that it includes.
+fn named_file<'a>(source: &'a Source, file: &'a str) -> &'a str {
+    let is_source = file.is_empty() || Path::new(file) == source.external_path();
+    if is_source { source.name() } else { file }
 }
 
 /// Parses a log of glslang: `ERROR: FILE:LINE: TEXT`, where `0` is the source itself. A list, for

@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::process::Command;
 
-use super::external::{Tool, Workspace, printed};
+use super::external::{Tool, Workspace, printed, with_strings};
 use super::message::{self, Severity};
 use super::{CompileOptions, Compiled, DebugInfoLevel, Language, Optimize, Source};
 use anyhit_base::error::Stage;
@@ -30,7 +30,7 @@ pub(super) fn compile(source: &Source, options: &CompileOptions) -> Result<Compi
             let name = if source.language() == Language::Hlsl { "hlsl" } else { "slang" };
             command.args(["-lang", name]);
         }
-        command.arg(source.name());
+        command.arg(workspace.source_path());
         if let Some(entry) = &options.entry_point {
             command.args(["-entry", &entry.name]);
             command.args(entry.stage.and_then(slang_name).iter().flat_map(|stage| ["-stage", stage]));
@@ -80,35 +80,9 @@ pub(super) fn compile(source: &Source, options: &CompileOptions) -> Result<Compi
 /// and its own folder among the arguments of each compilation unit: the module would differ from
 /// one machine to the next.
 fn without_machine_paths(spirv: &[u8], folder: &Path) -> Vec<u8> {
-    const HEADER: usize = 5;
-    const OP_STRING: u32 = 7;
-    let words: Vec<u32> =
-        spirv.chunks_exact(4).map(|word| u32::from_le_bytes([word[0], word[1], word[2], word[3]])).collect();
     let mut folder = folder.to_string_lossy().into_owned();
     folder.push(std::path::MAIN_SEPARATOR);
-    let mut out = words[..HEADER.min(words.len())].to_vec();
-    let mut remaining = &words[out.len()..];
-    while let Some(&first) = remaining.first() {
-        let length = ((first >> 16) as usize).clamp(1, remaining.len());
-        let (instruction, rest) = remaining.split_at(length);
-        remaining = rest;
-        if first & 0xFFFF != OP_STRING || length < 3 {
-            out.extend(instruction);
-            continue;
-        }
-        let bytes: Vec<u8> = instruction[2..].iter().flat_map(|word| word.to_le_bytes()).collect();
-        let text = bytes.split(|&byte| byte == 0).next().unwrap_or_default();
-        let text = without_include_folders(&String::from_utf8_lossy(text).replace(&folder, ""));
-        let mut bytes = text.into_bytes();
-        // A literal ends with a zero byte and fills its last word with more of them.
-        bytes.resize(bytes.len() / 4 * 4 + 4, 0);
-        let literal =
-            bytes.chunks_exact(4).map(|word| u32::from_le_bytes([word[0], word[1], word[2], word[3]]));
-        out.push((2 + literal.len() as u32) << 16 | OP_STRING);
-        out.push(instruction[1]);
-        out.extend(literal);
-    }
-    out.iter().flat_map(|word| word.to_le_bytes()).collect()
+    with_strings(spirv, |text| without_include_folders(&text.replace(&folder, "")))
 }
 
 /// Arguments of slangc without ` -I "FOLDER"`. Other text, source text among it, stays.

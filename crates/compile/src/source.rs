@@ -86,8 +86,8 @@ impl Source {
         }
     }
 
-    /// The text that a file of the current folder holds, read already; its includes are looked up
-    /// beside it.
+    /// The text that a file of the current folder holds, read already, or that replaces it; its
+    /// includes are looked up beside it.
     #[doc(hidden)]
     pub fn of_file(language: Language, name: String, text: &str) -> Self {
         Self { is_file: true, ..Self::new(name, text, language) }
@@ -189,7 +189,7 @@ impl Source {
     pub(super) fn check_includes(&self) -> Result<()> {
         for (includer, text) in self.closure() {
             let parent = Path::new(&includer).parent().unwrap_or(Path::new("")).to_path_buf();
-            for header in text.lines().filter_map(included_file) {
+            for header in included_files(&text) {
                 let folders = std::iter::once(&parent).chain(&self.include_folders);
                 let found = folders.map(|folder| self.folder.join(normalized_path(&folder.join(&header))));
                 let Some(path) = found.into_iter().find(|path| path.exists() && !path.is_dir()) else {
@@ -217,7 +217,7 @@ impl Source {
         let mut pending = vec![normalized_path(Path::new(&self.name))];
         while let Some(includer) = pending.pop() {
             let text = seen[&includer].clone();
-            for header in text.lines().filter_map(included_file) {
+            for header in included_files(&text) {
                 if let Some((name, text)) = self.include(&includer, &header)
                     && !seen.contains_key(&name)
                 {
@@ -237,21 +237,41 @@ impl fmt::Debug for Source {
     }
 }
 
-/// The file that a line includes, relative to the file with the line.
-fn included_file(line: &str) -> Option<String> {
-    let line = line.trim_start();
-    if let Some(rest) = line.strip_prefix('#') {
-        let rest = rest.trim_start().strip_prefix("include")?.trim_start();
+/// The files that a text includes, relative to the file with the text: those of `#include` lines,
+/// and what Slang's `import` and `__include` may name.
+fn included_files(text: &str) -> Vec<String> {
+    let lines = text.lines().filter_map(|line| {
+        let rest = include_operand(line)?;
         let close = match rest.chars().next()? {
             '"' => '"',
             '<' => '>',
             _ => return None,
         };
-        return Some(rest[1..].split_once(close)?.0.to_owned());
-    }
-    let rest = line.strip_prefix("import ").or_else(|| line.strip_prefix("__include "))?;
-    let name = rest.split_once(';')?.0.trim().trim_matches('"');
-    Some(if name.ends_with(".slang") { name.into() } else { format!("{}.slang", name.replace('.', "/")) })
+        Some(rest[1..].split_once(close)?.0.to_owned())
+    });
+    let statements = text.split(';').filter_map(|statement| {
+        let words: Vec<&str> = statement.split_whitespace().collect();
+        let [.., "import" | "__include", name] = words[..] else { return None };
+        let name = name.trim_matches('"');
+        Some(if name.ends_with(".slang") { name.into() } else { format!("{}.slang", name.replace('.', "/")) })
+    });
+    // Slang also looks for a file with hyphens in place of the underscores of a module's name.
+    let named = |name: String| [name.replace('_', "-"), name];
+    let mut files: Vec<String> = lines.chain(statements.flat_map(named)).collect();
+    files.dedup();
+    files
+}
+
+/// True if a text includes a file that only a preprocessor can name: `#include NAME`.
+#[cfg(any(feature = "compilers", test))]
+fn has_computed_include(text: &str) -> bool {
+    text.lines().filter_map(include_operand).any(|operand| !operand.starts_with(['"', '<']))
+}
+
+/// What follows `#include` on a line.
+fn include_operand(line: &str) -> Option<&str> {
+    let rest = line.trim_start().strip_prefix('#')?.trim_start();
+    Some(rest.strip_prefix("include")?.trim_start())
 }
 
 /// A path without `.` and, where possible, `..`, with `/` between folders on every machine.
@@ -288,15 +308,20 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lines_that_include() {
-        let file = |line| included_file(line);
-        assert_eq!(file("#include \"a/b.glsl\" // c").as_deref(), Some("a/b.glsl"));
-        assert_eq!(file("  #  include <b.glsl>").as_deref(), Some("b.glsl"));
-        assert_eq!(file("import lighting.sky;").as_deref(), Some("lighting/sky.slang"));
-        assert_eq!(file("__include \"part.slang\";").as_deref(), Some("part.slang"));
-        assert_eq!(file("// #include \"a\""), None);
-        assert_eq!(file("#include NAME"), None);
-        assert_eq!(file("important = 1;"), None);
+    fn texts_that_include() {
+        assert_eq!(included_files("#include \"a/b.glsl\" // c"), ["a/b.glsl"]);
+        assert_eq!(included_files("x;\n  #  include <b.glsl>\ny;"), ["b.glsl"]);
+        assert_eq!(included_files("import lighting.sky;"), ["lighting/sky.slang"]);
+        assert_eq!(included_files("__include \"part.slang\";"), ["part.slang"]);
+        // Any white space, other words before it, and several in one line.
+        let imports = included_files("__exported import\n a;\timport\tb ;");
+        assert_eq!(imports, ["a.slang", "b.slang"]);
+        assert_eq!(included_files("import two_words;"), ["two-words.slang", "two_words.slang"]);
+        for none in ["// #include \"a\"", "#include NAME", "important = 1;", "int import = a;"] {
+            assert!(included_files(none).is_empty(), "{none}");
+        }
+        assert!(has_computed_include("a;\n # include NAME\n"));
+        assert!(!has_computed_include("#include \"a\"\n#include <b>\n// #include NAME\n"));
     }
 
     #[test]

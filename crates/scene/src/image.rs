@@ -18,9 +18,9 @@ use anyhit_base::atomic_file::{self, AtomicFile};
 #[cfg(not(all(feature = "exr", feature = "images")))]
 use anyhit_base::error::feature_note;
 use anyhit_base::error::{Error, ErrorKind, Result};
+use anyhit_base::threads::map_on_threads;
 use anyhit_engine::machine;
 use anyhit_engine::machine::format::{Class, Component, Format};
-use anyhit_engine::pipeline::map_on_threads;
 
 /// GLSL's names of image formats in small letters; `srgb8_alpha8` as in OpenGL.
 impl Named for Format {

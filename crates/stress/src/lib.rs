@@ -24,8 +24,8 @@ use std::time::{Duration, Instant};
 
 use crate::draw::Draw;
 use crate::family::FAMILIES;
+use anyhit_base::threads::map_on_threads;
 use anyhit_engine::geometry::Precision;
-use anyhit_engine::pipeline::map_on_threads;
 
 /// The number of cases that run between two checks of the time limit.
 const ROUND: u64 = 1000;

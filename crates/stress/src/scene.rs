@@ -18,13 +18,13 @@ use crate::judge::{Failure, Tally};
 use crate::obvhs_tree::ObvhsTree;
 use crate::{MAX_FAILURES, StressSettings};
 use anyhit_base::sorted::sort_by;
+use anyhit_base::threads::map_on_threads;
 use anyhit_engine::accel::rules::{apply_flip_facing, is_culled_by_face};
 use anyhit_engine::accel::{
     Blas, Geometry, GeometryKind, HitPrimitive, InstanceFlags, Packet, Primitive, RayFlags, Tlas,
     TlasInstance, TraceRay, micromap,
 };
 use anyhit_engine::geometry::{Bounds, Intersection, ObjectRay, Precision, Ray};
-use anyhit_engine::pipeline::map_on_threads;
 
 /// The number of rays that are drawn together: one packet.
 const BUNDLE: usize = 32;

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use bytemuck::{AnyBitPattern, NoUninit};
 
 use crate::fit;
+use crate::host_struct::HostType;
 use crate::layout_mismatch::mismatch;
 use crate::rust_layout::{Known, RustLayout};
 use crate::scalars::{self, Scalars};
@@ -145,9 +146,9 @@ impl HostBytes {
         RustLayout::of_array(scalar, lengths, bytes.len()).map(|rust| Self { rust, bytes })
     }
 
-    /// Elements of which only the size is known.
-    pub fn of_elements(name: &str, size: usize, bytes: Vec<u8>) -> Self {
-        Self { rust: RustLayout::of_elements(name.to_owned(), size, bytes.len()), bytes }
+    /// Structs of another language, one behind the other.
+    pub fn of_structs(host: HostType, bytes: Vec<u8>) -> Self {
+        Self { rust: RustLayout::of_structs(host, bytes.len()), bytes }
     }
 
     /// True if they have no type.

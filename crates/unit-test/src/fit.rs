@@ -8,11 +8,14 @@
 
 use std::collections::HashSet;
 
+use crate::host_struct::HostType;
+use crate::host_struct::compare::compare;
 use crate::layout_mismatch::mismatch;
 use crate::rust_layout::{Class, HostScalar, Known, RustLayout};
 use crate::value::bits_of;
-use anyhit_base::error::Result;
+use anyhit_base::error::{Error, ErrorKind, Result};
 use anyhit_engine::module::ty::Type;
+use anyhit_engine::ops::translate::array_length;
 use anyhit_engine::reflect::Layout;
 
 /// Bytes by which a block may be padded at its end.
@@ -144,6 +147,9 @@ pub fn check_block(
     rust: &RustLayout,
     bytes: &dyn Fn() -> Vec<u8>,
 ) -> Result<()> {
+    if let Known::Structs(host) = &rust.known {
+        return check_structs(layout, what, rust, host);
+    }
     let size = layout.size();
     let fits = match (layout.runtime_stride(), &rust.known) {
         (Some((offset, stride)), _) => {
@@ -174,11 +180,66 @@ pub(super) fn check_scalars(
         Known::Block(parts) => (*parts != layout.lines()).then(String::new),
         Known::Classes(classes) => classes_misfit(layout, rust, classes),
         Known::Row(host, lengths) => row_misfit(layout, rust, *host, lengths, bytes),
+        Known::Structs(host) => return struct_misfit(layout, what, host),
     };
     match why {
         None => Ok(()),
         Some(why) => Err(mismatch(layout, what, rust, Some(why).filter(|why| !why.is_empty()))),
     }
+}
+
+/// Checks structs of another language: they are the elements of the array that a block consists of,
+/// or one of them is the whole block.
+fn check_structs(layout: Layout<'_>, what: &str, rust: &RustLayout, host: &HostType) -> Result<()> {
+    let Some((array, length)) = whole_array(layout) else {
+        struct_misfit(layout, what, host)?;
+        let size = layout.size();
+        let fits = rust.size == host.size() && (size..size + PADDING).contains(&rust.size);
+        return if fits { Ok(()) } else { Err(mismatch(layout, what, rust, None)) };
+    };
+    struct_misfit(element(array), what, host)?;
+    let stride = array.stride().max(1);
+    let count = rust.size / stride;
+    let fits = host.size() == stride && length.is_none_or(|length| length == count);
+    if fits {
+        return Ok(());
+    }
+    let why = match length {
+        Some(length) if host.size() == stride => format!("{count} elements, but {length} in the shader"),
+        _ => rows_apart(host.size(), stride),
+    };
+    Err(mismatch(layout, what, rust, Some(why)))
+}
+
+/// Returns the array that a block consists of, and its length unless that is open.
+pub fn whole_array(layout: Layout<'_>) -> Option<(Layout<'_>, Option<usize>)> {
+    match *layout.module.ty(layout.ty) {
+        Type::Array { length, .. } => Some((layout, Some(array_length(layout.module, length)))),
+        Type::RuntimeArray { .. } => Some((layout, None)),
+        Type::Struct { .. } => {
+            let mut members = layout.members();
+            let (only, others) = (members.next()?.1, members.next());
+            others.is_none().then_some(())?;
+            whole_array(only)
+        }
+        _ => None,
+    }
+}
+
+/// The elements of an array.
+pub fn element(array: Layout<'_>) -> Layout<'_> {
+    match *array.module.ty(array.ty) {
+        Type::Array { element, .. } | Type::RuntimeArray { element, .. } => Layout { ty: element, ..array },
+        _ => array,
+    }
+}
+
+/// # Errors
+/// `InvalidArgument` with the first byte at which a struct of another language differs.
+fn struct_misfit(layout: Layout<'_>, what: &str, host: &HostType) -> Result<()> {
+    let Some(error) = compare(layout, host, host.name()).error() else { return Ok(()) };
+    let wrong = Error::new(ErrorKind::InvalidArgument, format!("{what}: {}", error.message()));
+    Err(error.notes().iter().fold(wrong, |wrong, note| wrong.note_lines(note.clone())))
 }
 
 /// Elements of which only the size is known lie as far apart as the shader's.

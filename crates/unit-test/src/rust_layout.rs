@@ -8,6 +8,7 @@
 
 use std::fmt::Debug;
 
+use crate::host_struct::HostType;
 use crate::value::bits_of;
 
 /// What kind of scalar a number is.
@@ -105,6 +106,8 @@ pub(super) enum Known {
     Classes(Vec<Class>),
     /// The offset and text of each part of a struct of a module.
     Block(Vec<(usize, String)>),
+    /// Structs of another language, one behind the other.
+    Structs(HostType),
 }
 
 /// A Rust type: name, size, and its scalars as far as they are known.
@@ -156,9 +159,10 @@ impl RustLayout {
         Some(Self { element: inner * scalar.size, ..Self::of_row(scalar, lengths.to_vec(), size) })
     }
 
-    /// A row of elements of which only the size is known.
-    pub(super) fn of_elements(name: String, element: usize, size: usize) -> Self {
-        Self { element, ..Self::untold(name, size) }
+    /// Structs of another language, one behind the other.
+    pub(super) fn of_structs(host: HostType, size: usize) -> Self {
+        let (name, element) = (host.name().to_owned(), host.size());
+        Self { element, known: Known::Structs(host), ..Self::untold(name, size) }
     }
 
     /// Bytes by any name.

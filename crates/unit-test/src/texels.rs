@@ -17,7 +17,9 @@ pub struct Texels {
 }
 
 impl Texels {
-    pub(super) fn new(image: Arc<Image>) -> Self {
+    /// The texels of an image.
+    #[doc(hidden)]
+    pub fn new(image: Arc<Image>) -> Self {
         Self { image }
     }
 

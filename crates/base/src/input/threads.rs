@@ -11,6 +11,8 @@ use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread;
 
+use crate::threads::thread_count;
+
 /// The number of helper threads that are running.
 static HELPERS: AtomicUsize = AtomicUsize::new(0);
 
@@ -20,7 +22,7 @@ struct Reserved(usize);
 impl Reserved {
     /// At most so many threads, fewer where others are busy.
     fn new(most: usize) -> Self {
-        let all = if most == 0 { 0 } else { rayon::current_num_threads() - 1 };
+        let all = if most == 0 { 0 } else { thread_count() - 1 };
         let mut count = 0;
         let reserve = |used: usize| {
             count = most.min(all.saturating_sub(used));

@@ -9,9 +9,9 @@
 use serde::Serialize;
 
 use crate::recording::{Driver, RecordedPrimitives, Recording, Reference, TracedRay};
+use anyhit_base::threads::map_on_threads;
 use anyhit_engine::accel::{Committed, GeometryKind, HitKind, HitPrimitive, Primitive, RayFlags, TraceRay};
 use anyhit_engine::math::ulp::{ulp_error, ulp_of};
-use anyhit_engine::pipeline::map_on_threads;
 
 /// Below this relative margin a reference of 113 bits does not decide (an exact 0 is a tangent).
 const MIN_MARGIN: f64 = 1e-28;

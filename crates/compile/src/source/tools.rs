@@ -1,6 +1,7 @@
 //! What compilers that read files by themselves are told of a source.
 
-use std::path::{Path, PathBuf};
+use std::fs;
+use std::path::{Component, Path, PathBuf};
 
 use super::Source;
 use anyhit_base::error::{Error, Result};
@@ -15,7 +16,7 @@ impl Source {
     /// folder. For a text in memory, which is written to a temporary folder, they are absolute and
     /// include the current one.
     pub(crate) fn external_include_folders(&self) -> Result<Vec<PathBuf>> {
-        if self.is_file {
+        if self.is_file() {
             return Ok(self.include_folders.clone());
         }
         let current = std::env::current_dir().map_err(|error| Error::io(".", error))?;
@@ -25,8 +26,24 @@ impl Source {
             .collect())
     }
 
-    /// Whether the text is that of a file, which an external tool can open.
+    /// True if the text is that of a file now, which an external tool can open. The file may have
+    /// changed since it was read, and a host may have replaced its text.
     pub(crate) fn is_file(&self) -> bool {
+        let path = self.folder.join(&self.name);
+        let has_length = |data: fs::Metadata| data.is_file() && data.len() == self.text.len() as u64;
         self.is_file
+            && fs::metadata(&path).is_ok_and(has_length)
+            && fs::read(&path).is_ok_and(|bytes| bytes == self.text.as_bytes())
+    }
+
+    /// The path of the text from the folder in which an external tool runs. A text in memory lies
+    /// inside a temporary folder, whatever its name.
+    pub(crate) fn external_path(&self) -> PathBuf {
+        if self.is_file() {
+            return PathBuf::from(&self.name);
+        }
+        let parts = Path::new(&self.name).components();
+        let path: PathBuf = parts.filter(|part| matches!(part, Component::Normal(_))).collect();
+        if path.as_os_str().is_empty() { PathBuf::from("source") } else { path }
     }
 }

@@ -6,6 +6,8 @@ use std::thread;
 use rayon::ThreadPoolBuilder;
 use rayon::prelude::*;
 
+use anyhit_base::threads::thread_count;
+
 /// A tree over more boxes than this is built by several threads, and so are subtrees.
 pub(super) const PARALLEL_BUILD_MIN: usize = 16_384;
 
@@ -28,7 +30,7 @@ impl BuildThreads {
         if primitives <= PARALLEL_BUILD_MIN {
             return build(Self::One);
         }
-        match rayon::current_num_threads() {
+        match thread_count() {
             1 => build(Self::One),
             count => Self::build_in_pool(count, build),
         }

@@ -11,6 +11,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use crate::machine::trap::TrapCode;
+use anyhit_base::interrupt::Interrupt;
 
 /// Instructions that a lane is charged between two looks at the watchdog.
 pub const SLICE: u64 = 1 << 16;
@@ -124,6 +125,8 @@ pub struct Watchdog {
     ledger: Mutex<Ledger>,
     /// What all tasks may spend.
     fuel: u64,
+    /// What the host may end it with.
+    interrupt: Option<Interrupt>,
 }
 
 #[derive(Debug, Default)]
@@ -147,6 +150,7 @@ impl Watchdog {
             stopped_at: AtomicU64::new(u64::MAX),
             ledger: Mutex::default(),
             fuel,
+            interrupt: Interrupt::current(),
         })
     }
 
@@ -263,10 +267,18 @@ impl TaskWatch {
         self.spent.load(Relaxed)
     }
 
-    /// Looks at the clock, where a limit of time is set.
+    /// Looks at the clock, where a limit of time is set, and asks the host whether to end.
     pub fn look_at_clock(&self) {
         let LaunchLimits { timeout, batch_timeout, .. } = self.dog.limits;
-        if timeout.is_none() && batch_timeout.is_none() || self.expired().is_some() {
+        if self.expired().is_some() {
+            return;
+        }
+        if self.dog.interrupt.as_ref().is_some_and(Interrupt::is_raised) {
+            // No report will say what the loop does.
+            self.grace.store(0, Relaxed);
+            return self.expire(TrapCode::LaunchTimedOut);
+        }
+        if timeout.is_none() && batch_timeout.is_none() {
             return;
         }
         let now = self.now();
@@ -352,6 +364,18 @@ mod tests {
         assert!(watch.is_over());
         watch.begin_task(1);
         assert!(!watch.is_over());
+    }
+
+    #[test]
+    fn an_interrupt_ends_a_launch_without_limits() {
+        let interrupt = Interrupt::new(|| true);
+        let watch = interrupt.scope(|| Watchdog::new(LaunchLimits::default(), 1).watch());
+        watch.begin_task(1);
+        watch.look_at_clock();
+        assert_eq!(watch.expired(), None, "the host is not asked yet");
+        std::thread::sleep(anyhit_base::interrupt::ASK_INTERVAL);
+        watch.look_at_clock();
+        assert_eq!(watch.step_behind(), Some(TrapCode::LaunchTimedOut));
     }
 
     #[test]

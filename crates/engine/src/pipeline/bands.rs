@@ -20,10 +20,10 @@ use crate::pipeline::launch::Launch;
 use crate::pipeline::order;
 use crate::pipeline::run_options::RunOptions;
 use crate::pipeline::stats::Stats;
-use crate::pipeline::threads::has_threads;
 use crate::program::Program;
 use crate::program::race_analysis::{LaunchExtent, OwnRow};
 use anyhit_base::error::{Error, ErrorKind, Result};
+use anyhit_base::threads::has_threads;
 
 /// The widest batch, and the largest subgroup.
 const MAX_BATCH_WIDTH: u32 = 128;

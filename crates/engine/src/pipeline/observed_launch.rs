@@ -13,9 +13,9 @@ use crate::pipeline::sbt::SbtRecord;
 use crate::pipeline::stack::{Stack, bindings};
 use crate::pipeline::stats::Stats;
 use crate::pipeline::tasks::{TaskQueue, TaskResults};
-use crate::pipeline::threads::has_threads;
 use crate::pipeline::trapped::{Trapped, spent_together, timed_out};
 use anyhit_base::error::Result;
+use anyhit_base::threads::{has_threads, thread_count};
 
 /// Runs the invocations of a task under a pipeline observer and an observer of operations.
 pub type ObservedTask<'a> = dyn FnMut(&mut dyn PipelineObserver, &mut dyn LaunchObserver) + 'a;
@@ -137,10 +137,7 @@ impl Launch<'_> {
     /// accesses memory that another one writes, except by atomic instructions.
     pub fn is_observed_on_threads(&self, size: [u32; 3]) -> bool {
         let Ok(Some(work)) = self.observed(size) else { return false };
-        work.tasks() > 1
-            && has_threads()
-            && rayon::current_num_threads() > 1
-            && self.may_use_threads(size, work.count)
+        work.tasks() > 1 && has_threads() && thread_count() > 1 && self.may_use_threads(size, work.count)
     }
 
     /// Returns whether several threads may run a launch of so many invocations.

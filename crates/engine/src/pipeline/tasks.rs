@@ -2,11 +2,9 @@
 
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
-use rayon::prelude::*;
-
 use crate::pipeline::stats::Stats;
-use crate::pipeline::threads::has_threads;
 use crate::pipeline::trapped::Trapped;
+use anyhit_base::threads::{has_threads, map_on_threads, thread_count};
 
 /// A queue of numbered tasks. Each idle thread takes the next one, so that threads end at about the
 /// same time even if the tasks take very different times. (rayon's ranges, halved in advance, are
@@ -86,8 +84,8 @@ impl TaskQueue {
     /// Runs the worker on at most so many threads of the pool, at most one for each task, and
     /// returns their results. Each works until [`TaskQueue::iter`] is empty.
     fn on_threads(&self, most: usize, worker: &(dyn Fn() -> TaskResults + Sync)) -> Vec<TaskResults> {
-        let threads = (rayon::current_num_threads().min(most) as u64).min(self.count) as usize;
-        (0..threads).into_par_iter().with_max_len(1).map(|_| worker()).collect()
+        let threads = (thread_count().min(most) as u64).min(self.count) as usize;
+        map_on_threads(threads, |_| worker())
     }
 }
 

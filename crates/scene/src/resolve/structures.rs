@@ -12,8 +12,8 @@ use crate::mesh::listed::AnimationTime;
 use crate::mesh::model::MeshFormat;
 use crate::models::Expanded;
 use crate::resolve::Resolver;
+use anyhit_base::threads::map_on_threads;
 use anyhit_engine::accel::{Blas, Geometry, Tlas, TlasInstance};
-use anyhit_engine::pipeline::map_on_threads;
 
 /// The instances of one TLAS.
 struct TlasMembers<'a> {

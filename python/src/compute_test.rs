@@ -1,0 +1,390 @@
+//! One compute shader by itself.
+
+use std::sync::Arc;
+
+use anyhit::{Descriptor, StructData};
+use anyhit_engine::machine::Binding;
+use anyhit_unit_test::data::HostBytes;
+use anyhit_unit_test::fit::whole_array;
+use numpy::{PyUntypedArray, PyUntypedArrayMethods};
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyInt};
+
+use crate::argument::{self, Argument, Buffers, wrong_class};
+use crate::dtype::buffer_array;
+use crate::error::raised;
+use crate::images::{TexelArray, declared};
+use crate::module::{Module, Program};
+use crate::outcome::{block, buffer, image, printed, read_buffer, stats};
+use crate::place::{Place, split_with};
+use crate::run::run;
+use crate::sampler::Sampler;
+use crate::scene::{Scene, buffer_bytes, filled};
+use crate::used::Use;
+use crate::value::to_python;
+
+/// A compute shader with what it has bound, and how many workgroups of it run. A test is a value:
+/// methods return a test that also has what they are given. Set and binding may be the name of a
+/// variable of the shader.
+#[pyclass(frozen, module = "anyhit")]
+#[derive(Clone)]
+pub(crate) struct ComputeTest {
+    test: anyhit::ComputeTest,
+    module: Module,
+    program: Arc<anyhit::Program>,
+    used: Use,
+}
+
+impl ComputeTest {
+    fn with(
+        &self,
+        method: &'static str,
+        change: impl FnOnce(anyhit::ComputeTest) -> anyhit::ComputeTest,
+    ) -> Self {
+        Self { test: change(self.test.clone()), used: Use::of("ComputeTest", method), ..self.clone() }
+    }
+
+    fn binding(&self, place: &Place) -> PyResult<Binding> {
+        self.used.mark();
+        place.binding([&*self.module.module])
+    }
+
+    fn bytes(&self, place: &Place, data: &Bound<'_, PyAny>) -> PyResult<(Binding, HostBytes)> {
+        let at = self.binding(place)?;
+        Ok((at, buffer_bytes(at, data, &self.module)?))
+    }
+
+    /// The test with the content of an output buffer: data, or zeros for so many elements.
+    fn with_output(&self, place: &Place, data: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let (at, bytes) = match data.is_instance_of::<PyInt>() {
+            false => self.bytes(place, data)?,
+            true => {
+                let (at, count) = (self.binding(place)?, usize::of("a number of elements", data)?);
+                let programs = [self.program.clone()];
+                let block = block(&programs, at);
+                let size =
+                    block.map_or(Some(count), |block| match (block.runtime_stride(), whole_array(block)) {
+                        (Some((offset, stride)), _) => stride.checked_mul(count)?.checked_add(offset),
+                        (None, _) => Some(block.size()),
+                    });
+                let limit = anyhit::InputLimit::BufferBytes;
+                let size = size.unwrap_or(usize::MAX);
+                let checked =
+                    self.module.module.limits.check(limit, size as u64, anyhit::ErrorKind::InvalidArgument);
+                checked.map_err(raised)?;
+                (at, HostBytes::raw(&vec![0; size]))
+            }
+        };
+        Ok(Self {
+            test: self.test.clone().buffer_of(at.set, at.binding, bytes),
+            used: Use::free(),
+            ..self.clone()
+        })
+    }
+}
+
+/// Numbers of workgroups along x, y and z: one number, or a list of up to three.
+fn groups_of(given: &Bound<'_, PyAny>) -> PyResult<[u32; 3]> {
+    if given.is_instance_of::<PyInt>() {
+        return Ok([u32::of("groups", given)?, 1, 1]);
+    }
+    let mut groups = [1; 3];
+    let all = Vec::<u32>::of("groups", given)?;
+    if all.is_empty() || all.len() > 3 {
+        return Err(wrong_class("groups", "int or up to three of them", given));
+    }
+    groups[..all.len()].copy_from_slice(&all);
+    Ok(groups)
+}
+
+/// The keys of outputs, and what their buffers begin with, where that is given.
+type Outputs<'py> = Vec<(Bound<'py, PyAny>, Option<Bound<'py, PyAny>>)>;
+
+fn outputs_of<'py>(given: &Bound<'py, PyAny>) -> PyResult<Outputs<'py>> {
+    if let Ok(dict) = given.cast::<PyDict>() {
+        return Ok(dict.iter().map(|(key, data)| (key, Some(data))).collect());
+    }
+    let is_text = given.is_instance_of::<pyo3::types::PyString>();
+    let keys = given.try_iter().ok().filter(|_| !is_text);
+    let keys = keys.ok_or_else(|| wrong_class("outputs", "a dict or a list of bindings", given))?;
+    keys.map(|key| Ok((key?, None))).collect()
+}
+
+#[pymethods]
+impl ComputeTest {
+    /// The compute shader of a module; `specialization` is a dict of constants by their `SpecId`.
+    #[new]
+    #[pyo3(
+        signature = (module, entry="main".to_owned(), *, specialization=None),
+        text_signature = "(module, entry='main', *, specialization=None)"
+    )]
+    fn new(
+        py: Python<'_>,
+        #[pyo3(from_py_with = argument::module)] module: Module,
+        #[pyo3(from_py_with = argument::entry)] entry: String,
+        specialization: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let module = module.specialized(specialization)?;
+        let program = Program::of(py, &module, &entry, Some("GLCompute"))?.program;
+        let test = anyhit::ComputeTest::of(program.clone()).map_err(raised)?;
+        Ok(Self { test, module, program, used: Use::free() })
+    }
+
+    /// Sets the number of workgroups along x, y and z; one unless set.
+    #[pyo3(signature = (x, y=1, z=1))]
+    fn workgroups(
+        &self,
+        #[pyo3(from_py_with = argument::x)] x: u32,
+        #[pyo3(from_py_with = argument::y)] y: u32,
+        #[pyo3(from_py_with = argument::z)] z: u32,
+    ) -> Self {
+        self.with("workgroups", |test| test.workgroups([x, y, z]))
+    }
+
+    /// Binds the acceleration structure of a scene, for ray queries.
+    #[pyo3(signature = (set, binding=None, scene=None))]
+    fn scene(
+        &self,
+        set: &Bound<'_, PyAny>,
+        binding: Option<&Bound<'_, PyAny>>,
+        scene: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let (place, scene) = split_with("scene", set, binding, scene)?;
+        let (at, scene) = (self.binding(&place)?, Scene::of("scene", scene)?);
+        Ok(self.with("scene", |test| test.scene(at.set, at.binding, &scene.scene)))
+    }
+
+    /// Binds a storage or uniform buffer: an array, C-contiguous, whose dtype and shape are
+    /// compared with what the shader declares; `bytes` or an array of `uint8`, which are not; or a
+    /// dict by the names of its members.
+    #[pyo3(signature = (set, binding=None, data=None))]
+    fn buffer(
+        &self,
+        set: &Bound<'_, PyAny>,
+        binding: Option<&Bound<'_, PyAny>>,
+        data: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let (place, data) = split_with("data", set, binding, data)?;
+        let (at, bytes) = self.bytes(&place, data)?;
+        Ok(self.with("buffer", |test| test.buffer_of(at.set, at.binding, bytes)))
+    }
+
+    /// Binds a storage or sampled image, as `ShaderTest.image` does.
+    #[pyo3(signature = (set, binding=None, texels=None, format=None, sampler=None))]
+    fn image(
+        &self,
+        set: &Bound<'_, PyAny>,
+        binding: Option<&Bound<'_, PyAny>>,
+        texels: Option<&Bound<'_, PyAny>>,
+        #[pyo3(from_py_with = argument::format)] format: Option<String>,
+        #[pyo3(from_py_with = argument::of_sampler)] sampler: Option<Sampler>,
+    ) -> PyResult<Self> {
+        let (place, texels) = split_with("texels", set, binding, texels)?;
+        let at = self.binding(&place)?;
+        let image = TexelArray::of(texels, format.as_deref())?.image(declared([&self.program], at))?;
+        Ok(self.with("image", |test| match sampler {
+            Some(sampler) => test.image_sampler(at.set, at.binding, image, sampler.sampler),
+            None => test.image(at.set, at.binding, image),
+        }))
+    }
+
+    /// Binds a sampler.
+    #[pyo3(signature = (set, binding=None, sampler=None))]
+    fn sampler(
+        &self,
+        set: &Bound<'_, PyAny>,
+        binding: Option<&Bound<'_, PyAny>>,
+        sampler: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let (place, sampler) = split_with("sampler", set, binding, sampler)?;
+        let sampler = Descriptor::Sampler(Arc::new(Sampler::of("sampler", sampler)?.sampler));
+        let at = self.binding(&place)?;
+        Ok(self.with("sampler", |test| test.descriptor(at.set, at.binding, sampler)))
+    }
+
+    /// Puts buffers at their device addresses, for shaders that reach them by pointers.
+    fn device_buffers(&self, #[pyo3(from_py_with = argument::buffers)] buffers: Buffers) -> Self {
+        self.with("device_buffers", |test| test.device_buffers(&buffers.0))
+    }
+
+    /// Sets the push constants, by the names of their members.
+    fn push_constants(&self, values: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let data = StructData::push_constants(&self.module.module).map_err(raised)?;
+        let data = filled(data, "values", values)?;
+        Ok(self.with("push_constants", |test| test.push_constants_data(&data)))
+    }
+
+    /// Sets how many instructions an invocation may execute.
+    fn fuel(&self, #[pyo3(from_py_with = argument::instructions)] instructions: u64) -> Self {
+        self.with("fuel", |test| test.fuel(instructions))
+    }
+
+    /// Sets `SubgroupSize`: a power of two from 1 to 128.
+    fn subgroup_size(&self, #[pyo3(from_py_with = argument::subgroup_size)] size: u32) -> PyResult<Self> {
+        let test = self.test.clone().subgroup_size(size).map_err(raised)?;
+        Ok(self.with("subgroup_size", |_| test))
+    }
+
+    /// Runs all workgroups. `inputs` is a dict of buffers, and `groups` the number of workgroups,
+    /// in place of those that are set. With `outputs` it returns a dict of these buffers as arrays:
+    /// a list of bindings, or a dict of what each buffer begins with, data or a number of elements.
+    /// Keys are names, bindings of set 0, or `(set, binding)`. Without `outputs` it returns a
+    /// `ComputeOutcome`.
+    #[pyo3(signature = (inputs=None, outputs=None, *, groups=None))]
+    fn run<'py>(
+        &self,
+        py: Python<'py>,
+        inputs: Option<&Bound<'py, PyAny>>,
+        outputs: Option<&Bound<'py, PyAny>>,
+        groups: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        self.used.mark();
+        let mut test = self.clone();
+        if let Some(inputs) = inputs {
+            let inputs = inputs.cast::<PyDict>().map_err(|_| wrong_class("inputs", "dict", inputs))?;
+            for (key, data) in inputs {
+                let (at, bytes) = test.bytes(&Place::of_key(&key)?, &data)?;
+                test.test = test.test.buffer_of(at.set, at.binding, bytes);
+            }
+        }
+        let outputs = outputs.map(outputs_of).transpose()?;
+        for (key, data) in outputs.iter().flatten() {
+            if let Some(data) = data {
+                test = test.with_output(&Place::of_key(key)?, data)?;
+            }
+        }
+        if let Some(groups) = groups {
+            test.test = test.test.workgroups(groups_of(groups)?);
+        }
+        let outcome = run(py, || test.test.run())?;
+        let programs = [self.program.clone()];
+        let Some(outputs) = outputs else {
+            return Ok(Bound::new(py, ComputeOutcome { outcome, programs })?.into_any());
+        };
+        let arrays = PyDict::new(py);
+        for (key, data) in outputs {
+            let at = self.binding(&Place::of_key(&key)?)?;
+            let bytes = outcome.buffer_bytes(at.set, at.binding).map_err(raised)?;
+            let array = match data.as_ref().map(|data| data.cast::<PyUntypedArray>()) {
+                Some(Ok(given)) => {
+                    let array = buffer_array(py, bytes, Some(given.dtype().as_any()), None)?;
+                    array.call_method1("reshape", (given.getattr("shape")?,))?
+                }
+                _ => buffer_array(py, bytes, None, block(&programs, at))?,
+            };
+            arrays.set_item(key, array)?;
+        }
+        Ok(arrays.into_any())
+    }
+
+    /// Runs all workgroups under the sanitizer. Returns the reports of what it only warns of.
+    fn sanitize(&self, py: Python<'_>) -> PyResult<Vec<String>> {
+        self.used.mark();
+        Ok(run(py, || self.test.sanitize())?.iter().map(anyhit::Error::render).collect())
+    }
+
+    /// Runs the workgroup of an invocation, given by its `GlobalInvocationId`, in the debugger, and
+    /// returns the transcript of commands, one a line.
+    fn debug(
+        &self,
+        py: Python<'_>,
+        #[pyo3(from_py_with = argument::id)] id: [u32; 3],
+        #[pyo3(from_py_with = argument::commands)] commands: String,
+    ) -> PyResult<String> {
+        self.used.mark();
+        run(py, || self.test.debug(id, &commands))
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<anyhit.ComputeTest: {}>", self.program.name)
+    }
+}
+
+/// What a dispatch left.
+#[pyclass(frozen, module = "anyhit")]
+pub(crate) struct ComputeOutcome {
+    outcome: anyhit::ComputeOutcome,
+    programs: [Arc<anyhit::Program>; 1],
+}
+
+#[pymethods]
+impl ComputeOutcome {
+    /// How many invocations ran, and how many ray queries were made.
+    #[getter]
+    fn stats<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        stats(py, &self.outcome.stats)
+    }
+
+    /// What the shader printed: invocation and text.
+    #[getter]
+    fn printed(&self) -> Vec<([u32; 3], String)> {
+        printed(&self.outcome.printed)
+    }
+
+    /// An image: an array of float32, (height, width, 4), or of the integers that it holds.
+    #[pyo3(signature = (set, binding=None))]
+    fn image<'py>(
+        &self,
+        py: Python<'py>,
+        set: &Bound<'py, PyAny>,
+        binding: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        image(py, (set, binding), &self.programs, |set, binding| self.outcome.image(set, binding))
+    }
+
+    /// A buffer by the names of its members.
+    #[pyo3(signature = (set, binding=None))]
+    fn buffer<'py>(
+        &self,
+        py: Python<'py>,
+        set: &Bound<'py, PyAny>,
+        binding: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let bytes = |set, binding| self.outcome.buffer_bytes(set, binding);
+        let read = |set, binding| self.outcome.buffer(set, binding);
+        buffer(py, (set, binding), &self.programs, read, bytes)
+    }
+
+    /// A buffer as an array of a dtype; without one, of the type that the shader declares.
+    #[pyo3(signature = (set, binding=None, dtype=None))]
+    fn read_buffer<'py>(
+        &self,
+        py: Python<'py>,
+        set: &Bound<'py, PyAny>,
+        binding: Option<&Bound<'py, PyAny>>,
+        dtype: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let read = |set, binding| self.outcome.buffer_bytes(set, binding);
+        read_buffer(py, (set, binding, dtype), &self.programs, read)
+    }
+
+    /// The buffer at a device address, from that address on, as an array of a dtype; of its bytes
+    /// without one.
+    #[pyo3(signature = (address, dtype=None))]
+    fn read_buffer_at<'py>(
+        &self,
+        py: Python<'py>,
+        #[pyo3(from_py_with = argument::address)] address: u64,
+        dtype: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        buffer_array(py, self.outcome.read_buffer_at::<u8>(address).map_err(raised)?, dtype, None)
+    }
+
+    /// What lies at a device address by the names of its members, as the type of the first pointer
+    /// that leads there.
+    fn buffer_at<'py>(
+        &self,
+        py: Python<'py>,
+        #[pyo3(from_py_with = argument::address)] address: u64,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        to_python(py, &self.outcome.buffer_at(address).map_err(raised)?)
+    }
+
+    fn __eq__(&self, other: &Self) -> bool {
+        self.outcome == other.outcome
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<anyhit.ComputeOutcome: {} printed lines>", self.outcome.printed.len())
+    }
+}

@@ -1,0 +1,120 @@
+//! How shaders sample images.
+
+use anyhit::{AddressMode, BorderColor, CompareOp, Filter};
+use pyo3::prelude::*;
+use pyo3::types::PyString;
+
+use crate::argument::{Argument, wrong_class};
+use crate::error::invalid;
+
+/// `VkSamplerCreateInfo`: filters, address modes and levels of detail.
+#[pyclass(frozen, eq, module = "anyhit")]
+#[derive(Clone, PartialEq)]
+pub(crate) struct Sampler {
+    pub(crate) sampler: anyhit::Sampler,
+}
+
+/// The element of a list with a name.
+fn choice<T: Copy>(argument: &str, given: &Bound<'_, PyAny>, all: &[(&str, T)]) -> PyResult<T> {
+    let name = String::of(argument, given)?;
+    all.iter().find(|(known, _)| *known == name).map(|(_, value)| *value).ok_or_else(|| {
+        let names: Vec<String> = all.iter().map(|(name, _)| format!("{name:?}")).collect();
+        invalid(format!("{argument}: {name:?} is none of {}", names.join(", ")))
+    })
+}
+
+const FILTERS: &[(&str, Filter)] = &[("nearest", Filter::Nearest), ("linear", Filter::Linear)];
+const ADDRESS_MODES: &[(&str, AddressMode)] = &[
+    ("repeat", AddressMode::Repeat),
+    ("mirrored_repeat", AddressMode::MirroredRepeat),
+    ("clamp_to_edge", AddressMode::ClampToEdge),
+    ("clamp_to_border", AddressMode::ClampToBorder),
+    ("mirror_clamp_to_edge", AddressMode::MirrorClampToEdge),
+];
+const BORDER_COLORS: &[(&str, BorderColor)] = &[
+    ("transparent_black", BorderColor::TransparentBlack),
+    ("opaque_black", BorderColor::OpaqueBlack),
+    ("opaque_white", BorderColor::OpaqueWhite),
+];
+const COMPARE_OPS: &[(&str, CompareOp)] = &[
+    ("never", CompareOp::Never),
+    ("less", CompareOp::Less),
+    ("equal", CompareOp::Equal),
+    ("less_or_equal", CompareOp::LessOrEqual),
+    ("greater", CompareOp::Greater),
+    ("not_equal", CompareOp::NotEqual),
+    ("greater_or_equal", CompareOp::GreaterOrEqual),
+    ("always", CompareOp::Always),
+];
+
+#[pymethods]
+impl Sampler {
+    /// A sampler with Vulkan's names in small letters: filters `"nearest"` and `"linear"`, one
+    /// address mode for all axes or a list of three.
+    #[new]
+    #[pyo3(signature = (*, mag_filter=None, min_filter=None, mipmap_mode=None, address_mode=None, border_color=None, compare_op=None, min_lod=None, max_lod=None, lod_bias=None, max_anisotropy=None, unnormalized_coordinates=None))]
+    #[expect(clippy::too_many_arguments, reason = "they are keywords in Python")]
+    fn new(
+        mag_filter: Option<&Bound<'_, PyAny>>,
+        min_filter: Option<&Bound<'_, PyAny>>,
+        mipmap_mode: Option<&Bound<'_, PyAny>>,
+        address_mode: Option<&Bound<'_, PyAny>>,
+        border_color: Option<&Bound<'_, PyAny>>,
+        compare_op: Option<&Bound<'_, PyAny>>,
+        min_lod: Option<&Bound<'_, PyAny>>,
+        max_lod: Option<&Bound<'_, PyAny>>,
+        lod_bias: Option<&Bound<'_, PyAny>>,
+        max_anisotropy: Option<&Bound<'_, PyAny>>,
+        unnormalized_coordinates: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let mut sampler = anyhit::Sampler::default();
+        for (name, given, to) in [
+            ("mag_filter", mag_filter, &mut sampler.mag_filter),
+            ("min_filter", min_filter, &mut sampler.min_filter),
+            ("mipmap_mode", mipmap_mode, &mut sampler.mipmap_mode),
+        ] {
+            if let Some(given) = given {
+                *to = choice(name, given, FILTERS)?;
+            }
+        }
+        if let Some(given) = address_mode {
+            sampler.address_mode = address_modes(given)?;
+        }
+        if let Some(given) = border_color {
+            sampler.border_color = choice("border_color", given, BORDER_COLORS)?;
+        }
+        if let Some(given) = compare_op {
+            sampler.compare_op = Some(choice("compare_op", given, COMPARE_OPS)?);
+        }
+        for (name, given, to) in [
+            ("min_lod", min_lod, &mut sampler.min_lod),
+            ("max_lod", max_lod, &mut sampler.max_lod),
+            ("lod_bias", lod_bias, &mut sampler.lod_bias),
+            ("max_anisotropy", max_anisotropy, &mut sampler.max_anisotropy),
+        ] {
+            if let Some(given) = given {
+                *to = f32::of(name, given)?;
+            }
+        }
+        if let Some(given) = unnormalized_coordinates {
+            sampler.unnormalized_coordinates = bool::of("unnormalized_coordinates", given)?;
+        }
+        Ok(Self { sampler })
+    }
+
+    fn __repr__(&self) -> String {
+        let anyhit::Sampler { mag_filter, min_filter, mipmap_mode, address_mode, .. } = &self.sampler;
+        format!("<anyhit.Sampler: {mag_filter:?}, {min_filter:?}, {mipmap_mode:?}, {address_mode:?}>")
+    }
+}
+
+fn address_modes(given: &Bound<'_, PyAny>) -> PyResult<[AddressMode; 3]> {
+    if given.is_instance_of::<PyString>() {
+        return Ok([choice("address_mode", given, ADDRESS_MODES)?; 3]);
+    }
+    let items = given.try_iter().map_err(|_| wrong_class("address_mode", "str or a list of three", given))?;
+    let modes: Vec<AddressMode> =
+        items.map(|item| choice("address_mode", &item?, ADDRESS_MODES)).collect::<PyResult<_>>()?;
+    let count = modes.len();
+    modes.try_into().map_err(|_| invalid(format!("address_mode: a list of {count} modes, not of three")))
+}
