@@ -2,8 +2,9 @@
 //!
 //! The engine has the layers `pipeline -> interp -> program -> ops -> {module, machine -> accel} ->
 //! geometry -> math`, the base `{input, atomic_file} -> error -> {escape, sorted, threads} ->
-//! interrupt`: a module may import what stands to its right. A few crates of others are named in one place only, readers of
-//! files in one file, files are written in one place, and only the command line prints.
+//! interrupt`: a module may import what stands to its right. A few crates of others are named in
+//! one place only, readers of files in one file, files are written in one place, and only the
+//! command line prints.
 
 use std::fs;
 
