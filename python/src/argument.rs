@@ -1,6 +1,6 @@
 //! Arguments of calls: every mistake in one is an `anyhit.InvalidArgument` that names it, also a
-//! `TypeError` for an object of another class. `#[pyo3(from_py_with = argument::mask)]` converts the
-//! argument `mask`.
+//! `TypeError` for an object of another class. `#[pyo3(from_py_with = argument::mask)]` converts
+//! the argument `mask`.
 
 use std::path::PathBuf;
 

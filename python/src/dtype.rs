@@ -1,5 +1,5 @@
-//! Types of numpy as layouts that are compared with those of shaders, and layouts of shaders as types
-//! of numpy.
+//! Types of numpy as layouts that are compared with those of shaders, and layouts of shaders as
+//! types of numpy.
 
 use anyhit_engine::module::ty::Type;
 use anyhit_engine::ops::translate::array_length;

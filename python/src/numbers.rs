@@ -73,7 +73,8 @@ fn collect(
     Ok(())
 }
 
-/// A struct of numpy as a dict of its members, an array of structs as a list; `None` for other data.
+/// A struct of numpy as a dict of its members, an array of structs as a list; `None` for other
+/// data.
 fn record<'py>(data: &Bound<'py, PyAny>) -> PyResult<Option<Bound<'py, PyAny>>> {
     let Ok(dtype) = data.getattr("dtype") else { return Ok(None) };
     let Ok(dtype) = dtype.cast::<PyArrayDescr>() else { return Ok(None) };

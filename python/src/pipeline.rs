@@ -31,8 +31,8 @@ impl Pipeline {
     /// A pipeline with a record of the shader binding table for each hit group, miss shader and
     /// callable shader, in their order. A shader is a `Program`, or a `Module` with a single entry
     /// point; a hit group is one shader or a list. `hit_records`, `miss_records` and
-    /// `callable_records` are the data of the records, `None` for those without: a dict by the names
-    /// of the members that the first shader declares, an array or bytes.
+    /// `callable_records` are the data of the records, `None` for those without: a dict by the
+    /// names of the members that the first shader declares, an array or bytes.
     #[new]
     #[pyo3(signature = (*, ray_generation=None, hit=Vec::new(), miss=Vec::new(), callable=Vec::new(), max_recursion=None, fuel=None, hit_records=Objects(Vec::new()), miss_records=Objects(Vec::new()), callable_records=Objects(Vec::new())))]
     #[expect(clippy::too_many_arguments, reason = "they are keywords in Python")]

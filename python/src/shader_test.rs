@@ -475,8 +475,8 @@ impl TraceCall {
         self.call.into_hit_object
     }
 
-    /// Lets a trace into a hit object meet this instance alone; where the ray passes by, and without
-    /// this, the hit object encodes a miss.
+    /// Lets a trace into a hit object meet this instance alone; where the ray passes by, and
+    /// without this, the hit object encodes a miss.
     fn hit(&self, #[pyo3(from_py_with = argument::instance)] instance: Instance) {
         *self.found.lock().unwrap_or_else(PoisonError::into_inner) = Some(instance.instance);
     }

@@ -1,5 +1,5 @@
-//! Warns of a builder's method as a statement of its own, which changes nothing: its result is deleted
-//! unused on the line that made it.
+//! Warns of a builder's method as a statement of its own, which changes nothing: its result is
+//! deleted unused on the line that made it.
 
 use std::ffi::CString;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};

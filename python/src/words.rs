@@ -1,5 +1,5 @@
-//! Reports of the crate in the words of Python: they name the methods of the crate and the options of
-//! the command line.
+//! Reports of the crate in the words of Python: they name the methods of the crate and the options
+//! of the command line.
 
 /// Parts of reports that become others.
 const PARTS: &[(&str, &str)] = &[
