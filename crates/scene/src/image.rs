@@ -275,8 +275,8 @@ impl PngRows<'_> {
     }
 }
 
-/// Writes the RGBA8 pixels from `fill` as a PNG, whose chunks sRGB and gAMA say so where the colours
-/// are encoded as sRGB.
+/// Writes the RGBA8 pixels from `fill` as a PNG, whose chunks sRGB and gAMA say so where the
+/// colours are encoded as sRGB.
 #[cfg(feature = "images")]
 fn png<T>(
     [width, height]: [u32; 2],

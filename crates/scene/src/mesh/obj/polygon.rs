@@ -268,7 +268,7 @@ mod tests {
         assert!(is_fan_of(&[[f32::NAN, 0., 0.], [1., 0., 0.], [2., 0., 0.], [3., 0., 0.]]));
     }
 
-    /// The same polygon in planes across each axis, seen from both sides.
+    /// One polygon in planes across each axis, seen from both sides.
     #[test]
     fn polygons_face_any_side() {
         let notch = [[0., 0.], [4., 0.], [4., 4.], [2., 1.], [0., 4.]];
