@@ -160,7 +160,7 @@ def test_flags_and_include_folders_reach_the_compiler(glslang: None, tmp_path: P
 
 def test_buffers_have_device_addresses() -> None:
     # It lists five nodes from `first` on, `uint value; uint pad; Node next;`; the next becomes 77.
-    module = anyhit.Module.open(REPOSITORY / "tests/addresses/nodes.spv")
+    module = anyhit.Module.open(REPOSITORY / "tests/scenes/addresses/nodes.spv")
     buffers = anyhit.DeviceBuffers()
     first = buffers.reserve("first", 16)
     second = buffers.add("second", np.array([4, first], np.uint64))
