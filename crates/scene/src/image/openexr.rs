@@ -61,10 +61,9 @@ impl Channels {
         let named = |names: [&str; 3]| names.map(&find);
         let alpha = find("A");
         let is_color = |found: &[Option<_>; 3]| found.iter().any(Option::is_some);
-        let color = if let found = named(["R", "G", "B"])
-            && is_color(&found)
-        {
-            found.to_vec()
+        let rgb = named(["R", "G", "B"]);
+        let color = if is_color(&rgb) {
+            rgb.to_vec()
         } else if let found @ [Some(_), Some(_), Some(_)] = named(["X", "Y", "Z"]) {
             found.to_vec()
         } else if let [Some(u), Some(v), _] = named(["U", "V", ""]) {
