@@ -134,7 +134,7 @@ impl Argument for Objects {
     }
 }
 
-/// True for what is iterable and yet one object.
+/// Returns true for an iterable object that counts as a single value.
 fn is_whole(given: &Bound<'_, PyAny>) -> bool {
     given.is_instance_of::<PyString>()
         || given.is_instance_of::<PyBytes>()

@@ -5,7 +5,6 @@ use std::sync::Arc;
 use anyhit::{Descriptor, StructData};
 use anyhit_engine::machine::Binding;
 use anyhit_unit_test::data::HostBytes;
-use anyhit_unit_test::fit::whole_array;
 use numpy::{PyUntypedArray, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyInt};
@@ -54,32 +53,24 @@ impl ComputeTest {
         Ok((at, buffer_bytes(at, data, &self.module)?))
     }
 
-    /// The test with the content of an output buffer: data, or zeros for so many elements.
-    fn with_output(&self, place: &Place, data: &Bound<'_, PyAny>) -> PyResult<Self> {
-        let (at, bytes) = match data.is_instance_of::<PyInt>() {
-            false => self.bytes(place, data)?,
-            true => {
-                let (at, count) = (self.binding(place)?, usize::of("a number of elements", data)?);
-                let programs = [self.program.clone()];
-                let block = block(&programs, at);
-                let size =
-                    block.map_or(Some(count), |block| match (block.runtime_stride(), whole_array(block)) {
-                        (Some((offset, stride)), _) => stride.checked_mul(count)?.checked_add(offset),
-                        (None, _) => Some(block.size()),
-                    });
-                let limit = anyhit::InputLimit::BufferBytes;
-                let size = size.unwrap_or(usize::MAX);
-                let checked =
-                    self.module.module.limits.check(limit, size as u64, anyhit::ErrorKind::InvalidArgument);
-                checked.map_err(raised)?;
-                (at, HostBytes::raw(&vec![0; size]))
+    /// The content that an output buffer begins with: data, or zeros for so many elements.
+    fn output(&self, at: Binding, data: &Bound<'_, PyAny>) -> PyResult<HostBytes> {
+        if !data.is_instance_of::<PyInt>() {
+            return buffer_bytes(at, data, &self.module);
+        }
+        let count = usize::of("a number of elements", data)?;
+        let programs = [self.program.clone()];
+        let size = match block(&programs, at).map(|block| (block.size(), block.runtime_stride())) {
+            None => Some(count),
+            Some((_, Some((offset, stride)))) => {
+                stride.checked_mul(count).and_then(|size| size.checked_add(offset))
             }
+            Some((size, None)) => Some(size),
         };
-        Ok(Self {
-            test: self.test.clone().buffer_of(at.set, at.binding, bytes),
-            used: Use::free(),
-            ..self.clone()
-        })
+        let (limit, size) = (anyhit::InputLimit::BufferBytes, size.unwrap_or(usize::MAX));
+        let limits = &self.module.module.limits;
+        limits.check(limit, size as u64, anyhit::ErrorKind::InvalidArgument).map_err(raised)?;
+        Ok(HostBytes::raw(&vec![0; size]))
     }
 }
 
@@ -248,10 +239,13 @@ impl ComputeTest {
             }
         }
         let outputs = outputs.map(outputs_of).transpose()?;
+        let mut places = Vec::new();
         for (key, data) in outputs.iter().flatten() {
+            let at = self.binding(&Place::of_key(key)?)?;
             if let Some(data) = data {
-                test = test.with_output(&Place::of_key(key)?, data)?;
+                test.test = test.test.buffer_of(at.set, at.binding, self.output(at, data)?);
             }
+            places.push(at);
         }
         if let Some(groups) = groups {
             test.test = test.test.workgroups(groups_of(groups)?);
@@ -262,8 +256,7 @@ impl ComputeTest {
             return Ok(Bound::new(py, ComputeOutcome { outcome, programs })?.into_any());
         };
         let arrays = PyDict::new(py);
-        for (key, data) in outputs {
-            let at = self.binding(&Place::of_key(&key)?)?;
+        for ((key, data), at) in outputs.into_iter().zip(places) {
             let bytes = outcome.buffer_bytes(at.set, at.binding).map_err(raised)?;
             let array = match data.as_ref().map(|data| data.cast::<PyUntypedArray>()) {
                 Some(Ok(given)) => {
@@ -300,7 +293,7 @@ impl ComputeTest {
     }
 }
 
-/// What a dispatch left.
+/// Results of a dispatch.
 #[pyclass(frozen, module = "anyhit")]
 pub(crate) struct ComputeOutcome {
     outcome: anyhit::ComputeOutcome,

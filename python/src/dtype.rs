@@ -2,9 +2,8 @@
 //! types of numpy.
 
 use anyhit_engine::module::ty::Type;
-use anyhit_engine::ops::translate::array_length;
 use anyhit_engine::reflect::Layout;
-use anyhit_unit_test::fit::{element, whole_array};
+use anyhit_unit_test::fit::{WholeArray, whole_array};
 use anyhit_unit_test::host_struct::{HostField, HostType, ScalarClass};
 use numpy::{PyArrayDescr, PyArrayDescrMethods};
 use pyo3::prelude::*;
@@ -73,7 +72,7 @@ pub(crate) type ArrayType<'py> = (Bound<'py, PyAny>, Vec<usize>);
 pub(crate) fn of_block<'py>(py: Python<'py>, block: Layout<'_>, count: usize) -> PyResult<ArrayType<'py>> {
     let block = unwrapped(block);
     match whole_array(block) {
-        Some((array, _)) => of_element(py, array, count),
+        Some(WholeArray { array, element, .. }) => padded(py, "value", element, array.stride(), count),
         None => of_layout(py, block, block.size(), count),
     }
 }
@@ -88,9 +87,9 @@ fn unwrapped(block: Layout<'_>) -> Layout<'_> {
     }
 }
 
-/// The dtype of the elements of an array.
-fn of_element<'py>(py: Python<'py>, array: Layout<'_>, count: usize) -> PyResult<ArrayType<'py>> {
-    padded(py, "value", element(array), array.stride(), count)
+/// Returns whether the elements of an array have padding that their dtype shows as a struct.
+fn is_padded(part: Layout<'_>, stride: usize) -> bool {
+    part.size() != stride && !matches!(part.module.ty(part.ty), Type::Struct { .. })
 }
 
 /// The dtype of a part that takes so many bytes of what it is a part of.
@@ -102,11 +101,7 @@ fn padded<'py>(
     count: usize,
 ) -> PyResult<ArrayType<'py>> {
     let inner = of_layout(py, part, stride, count)?;
-    let is_struct = matches!(part.module.ty(part.ty), Type::Struct { .. });
-    match is_struct || part.size() == stride {
-        true => Ok(inner),
-        false => wrapped(py, name, inner, stride),
-    }
+    if is_padded(part, stride) { wrapped(py, name, inner, stride) } else { Ok(inner) }
 }
 
 /// A struct of one member.
@@ -114,7 +109,8 @@ fn wrapped<'py>(py: Python<'py>, name: &str, inner: ArrayType<'py>, size: usize)
     Ok((structure(py, &[(name.to_owned(), 0, inner)], size)?, Vec::new()))
 }
 
-fn structure<'py>(
+/// A struct of these members, each with its offset.
+pub(crate) fn structure<'py>(
     py: Python<'py>,
     fields: &[(String, usize, ArrayType<'py>)],
     size: usize,
@@ -126,7 +122,18 @@ fn structure<'py>(
     parts.set_item("formats", formats?)?;
     parts.set_item("offsets", fields.iter().map(|(_, offset, _)| offset).collect::<Vec<_>>())?;
     parts.set_item("itemsize", size)?;
-    py.import("numpy")?.call_method1("dtype", (parts,))
+    Ok(PyArrayDescr::new(py, parts)?.into_any())
+}
+
+/// The dtype of an array of these lengths; without lengths, of an element.
+pub(crate) fn with_sides<'py>(
+    py: Python<'py>,
+    (element, sides): ArrayType<'py>,
+) -> PyResult<Bound<'py, PyAny>> {
+    match sides.is_empty() {
+        true => Ok(element),
+        false => Ok(PyArrayDescr::new(py, (element, PyTuple::new(py, sides)?))?.into_any()),
+    }
 }
 
 fn of_layout<'py>(
@@ -135,7 +142,7 @@ fn of_layout<'py>(
     size: usize,
     count: usize,
 ) -> PyResult<ArrayType<'py>> {
-    let named = |name: String| Ok((py.import("numpy")?.call_method1("dtype", (name,))?, Vec::new()));
+    let named = |name: String| Ok((PyArrayDescr::new(py, name)?.into_any(), Vec::new()));
     let with = |(dtype, mut sides): ArrayType<'py>, length: usize| {
         sides.insert(0, length);
         (dtype, sides)
@@ -160,10 +167,6 @@ fn of_layout<'py>(
             let line = if length * scalar == stride { line } else { wrapped(py, name, line, stride)? };
             Ok(with(line, lines))
         }
-        Type::Array { length, .. } => {
-            Ok(with(of_element(py, layout, count)?, array_length(layout.module, *length)))
-        }
-        Type::RuntimeArray { .. } => Ok(with(of_element(py, layout, count)?, count)),
         Type::Struct { members, .. } => {
             let mut fields = Vec::new();
             for ((index, member), (offset, part)) in members.iter().enumerate().zip(layout.members()) {
@@ -176,7 +179,13 @@ fn of_layout<'py>(
             let end = layout.runtime_stride().map_or(0, |(offset, stride)| offset + stride * count);
             Ok((structure(py, &fields, size.max(end))?, Vec::new()))
         }
-        _ => Err(invalid(format!("{} has no dtype", layout.module.describe_type(layout.ty)))),
+        _ => match layout.element() {
+            Some((element, length)) => {
+                let element = padded(py, "value", element, layout.stride(), count)?;
+                Ok(with(element, length.unwrap_or(count)))
+            }
+            None => Err(invalid(format!("{} has no dtype", layout.module.describe_type(layout.ty)))),
+        },
     }
 }
 
@@ -187,12 +196,13 @@ pub(crate) fn runtime_array<'py>(
     mut bytes: Vec<u8>,
 ) -> PyResult<Bound<'py, PyAny>> {
     let array = block.members().last().map_or(block, |(_, member)| member);
-    let (dtype, sides) = of_element(py, array, 0)?;
-    let count = bytes.len() / array.stride().max(1);
-    bytes.truncate(count * array.stride());
+    let (stride, (element, _)) = (array.stride(), array.element().unwrap_or((array, None)));
+    let (dtype, sides) = padded(py, "value", element, stride, 0)?;
+    let count = bytes.len() / stride.max(1);
+    bytes.truncate(count * stride);
     let lengths = std::iter::once(count).chain(sides).map(|side| side as isize);
     let numbers = from_bytes(py, bytes, &dtype, &lengths.collect::<Vec<_>>())?;
-    if element(array).size() == array.stride() { Ok(numbers) } else { numbers.get_item("value") }
+    if is_padded(element, stride) { numbers.get_item("value") } else { Ok(numbers) }
 }
 
 /// The bytes of a buffer as an array of the type that a shader declares, or of a given dtype;
@@ -204,8 +214,8 @@ pub(crate) fn buffer_array<'py>(
     block: Option<Layout<'_>>,
 ) -> PyResult<Bound<'py, PyAny>> {
     if let Some(dtype) = dtype {
-        let dtype = py.import("numpy")?.call_method1("dtype", (dtype,))?;
-        let size: usize = dtype.getattr("itemsize")?.extract()?;
+        let dtype = PyArrayDescr::new(py, dtype)?;
+        let size = dtype.itemsize();
         if size == 0 || !bytes.len().is_multiple_of(size) {
             let count = bytes.len();
             return Err(invalid(format!(
@@ -226,18 +236,17 @@ pub(crate) fn buffer_array<'py>(
     let inner: usize = sides.iter().product();
     let whole = whole_array(block);
     let elements = match whole {
-        Some((_, Some(length))) => length,
-        Some((_, None)) => bytes.len() / (size * inner).max(1),
+        Some(WholeArray { length: Some(length), .. }) => length,
+        Some(_) => bytes.len() / (size * inner).max(1),
         None => 1,
     };
     let mut bytes = bytes;
     bytes.resize(elements * size * inner, 0);
     let lengths = whole.map(|_| elements).into_iter().chain(sides).map(|side| side as isize);
     let array = from_bytes(py, bytes, &dtype, &lengths.collect::<Vec<_>>())?;
-    // Elements with padding, which are no structs.
-    let is_padded = whole.is_some_and(|(array, _)| {
-        let part = element(array);
-        part.size() != array.stride() && !matches!(part.module.ty(part.ty), Type::Struct { .. })
-    });
-    if is_padded { array.get_item("value") } else { Ok(array) }
+    if whole.is_some_and(|whole| is_padded(whole.element, whole.array.stride())) {
+        array.get_item("value")
+    } else {
+        Ok(array)
+    }
 }

@@ -8,7 +8,8 @@ use anyhit_engine::machine::format::Class;
 use anyhit_engine::ops::image::declared::declared_format;
 use anyhit_engine::ops::image::view::View;
 use anyhit_engine::program::descriptors::image_of_slot;
-use numpy::{PyArrayDescrMethods, PyUntypedArray, PyUntypedArrayMethods};
+use anyhit_scene::image::format_named;
+use numpy::{PyArrayDescr, PyArrayDescrMethods, PyUntypedArray, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 
 use crate::array::{from_bytes, shape_text, slice, typed};
@@ -146,8 +147,7 @@ impl TexelArray {
 
 /// The format with a name of GLSL.
 fn named(name: &str) -> PyResult<Format> {
-    let known = Format::NAMED.iter().find(|(known, _)| *known == name);
-    known.map(|(_, format)| *format).ok_or_else(|| {
+    format_named(name).ok_or_else(|| {
         let names: Vec<&str> = Format::NAMED.iter().map(|(name, _)| *name).collect();
         invalid(format!("format: there is no format `{name}`: write one of {}", names.join(", ")))
     })
@@ -202,6 +202,6 @@ pub(crate) fn texels<'py>(py: Python<'py>, texels: &Texels) -> PyResult<Bound<'p
     }
     let samples = (shape.samples > 1).then_some(shape.samples);
     let sides: Vec<isize> = sides.into_iter().chain(samples).chain([4]).map(|side| side as isize).collect();
-    let dtype = py.import("numpy")?.call_method1("dtype", (dtype(class, format.is_wide()),))?;
+    let dtype = PyArrayDescr::new(py, dtype(class, format.is_wide()))?;
     from_bytes(py, bytes, &dtype, &sides)
 }

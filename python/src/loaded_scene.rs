@@ -180,8 +180,8 @@ impl LoadedScene {
         self.now().address_of(&name).map_err(raised)
     }
 
-    /// Replaces a shader, by its name below `[shaders]`, by a source text; the extension of
-    /// `file_name` tells its language.
+    /// Replaces a shader, by its name below `[shaders]`, by a source text in the language of
+    /// the extension of `file_name`.
     fn set_shader_source(
         &self,
         py: Python<'_>,

@@ -10,10 +10,10 @@ use anyhit_engine::module::names::capability_name;
 use anyhit_engine::program::descriptors::declared;
 use anyhit_engine::reflect::lookup::{DataBlock, find_block};
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyTuple};
+use pyo3::types::PyDict;
 
 use crate::argument::{self, Argument, Bytes, wrong_class};
-use crate::dtype::of_block;
+use crate::dtype::{of_block, with_sides};
 use crate::error::{invalid, raised};
 use crate::numbers::nested;
 use crate::place::{Variable, split, variables};
@@ -53,7 +53,7 @@ impl Module {
         Ok(Self { module })
     }
 
-    /// Compiles a source text; the extension of the name tells its language: "shade.rchit",
+    /// Compiles a source text in the language of the name's extension: "shade.rchit",
     /// "shade.slang", "shade.wgsl". Includes are searched beside that name, then in
     /// `include_folders`; `flags` are those of scene files, such as `-DCOUNT=3`.
     #[staticmethod]
@@ -148,11 +148,7 @@ impl Module {
         let block = find_block(&self.module, DataBlock::Buffer(Binding { set, binding })).map_err(raised)?;
         let block =
             block.ok_or_else(|| invalid(format!("no buffer is declared at set {set}, binding {binding}")))?;
-        let (element, sides) = of_block(py, block, count)?;
-        match sides.is_empty() {
-            true => Ok(element),
-            false => py.import("numpy")?.call_method1("dtype", ((element, PyTuple::new(py, sides)?),)),
-        }
+        with_sides(py, of_block(py, block, count)?)
     }
 
     fn __repr__(&self) -> String {

@@ -1,4 +1,4 @@
-//! What launches and shaders left behind: buffers and images as shaders left them.
+//! Results of launches and shaders: buffers, images and printed text.
 
 use std::sync::Arc;
 
@@ -390,7 +390,7 @@ impl ShaderOutcome {
         format!("<anyhit.ShaderOutcome: {:?}, payload {:?}>", self.outcome.exit, self.outcome.payload)
     }
 
-    /// What the shader did, as `anyhit trace-one-ray` tells it.
+    /// Returns the explanation that `anyhit trace-one-ray` prints.
     fn explain(&self, py: Python<'_>) -> String {
         py.detach(|| self.outcome.explain())
     }

@@ -3,9 +3,10 @@
 use anyhit::Value;
 use anyhit_engine::ops::pointer::storage;
 use anyhit_engine::reflect::{Layout, Rules};
+use numpy::PyArrayDescr;
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyString, PyTuple};
 
+use crate::dtype::{ArrayType, structure, with_sides};
 use crate::error::invalid;
 use crate::value::{Content, ScalarKind, content};
 
@@ -28,25 +29,16 @@ pub(crate) fn of_pipeline(pipeline: &anyhit::Pipeline) -> Option<Value> {
 }
 
 /// The dtype of one element, and the shape of its array: of a `vec3` float32 and (3,).
-pub(crate) fn dtype<'py>(py: Python<'py>, shape: &Value) -> PyResult<(Bound<'py, PyAny>, Vec<usize>)> {
-    let numpy = py.import("numpy")?;
+pub(crate) fn dtype<'py>(py: Python<'py>, shape: &Value) -> PyResult<ArrayType<'py>> {
     match content(shape) {
         Content::Struct(fields) => {
-            let (mut names, mut formats, mut offsets) = (Vec::new(), Vec::new(), Vec::new());
+            let mut parts = Vec::new();
             let mut offset = 0;
             for (name, field) in fields {
-                let (element, sides) = dtype(py, field)?;
-                names.push(name);
-                formats.push((element, PyTuple::new(py, sides)?));
-                offsets.push(offset);
+                parts.push((name.to_owned(), offset, dtype(py, field)?));
                 offset += field.bytes().len();
             }
-            let parts = PyDict::new(py);
-            parts.set_item("names", names)?;
-            parts.set_item("formats", formats)?;
-            parts.set_item("offsets", offsets)?;
-            parts.set_item("itemsize", shape.bytes().len())?;
-            Ok((numpy.call_method1("dtype", (parts,))?, Vec::new()))
+            Ok((structure(py, &parts, shape.bytes().len())?, Vec::new()))
         }
         Content::List(elements) => {
             let first = elements.first().ok_or_else(|| invalid("an array without elements has no dtype"))?;
@@ -54,8 +46,7 @@ pub(crate) fn dtype<'py>(py: Python<'py>, shape: &Value) -> PyResult<(Bound<'py,
             Ok((element, [vec![elements.len()], inner].concat()))
         }
         Content::Scalar(kind) => {
-            let name = scalar_dtype(kind, shape);
-            Ok((numpy.call_method1("dtype", (PyString::new(py, &name),))?, Vec::new()))
+            Ok((PyArrayDescr::new(py, scalar_dtype(kind, shape))?.into_any(), Vec::new()))
         }
     }
 }
@@ -74,9 +65,5 @@ fn scalar_dtype(kind: ScalarKind, scalar: &Value) -> String {
 
 /// The dtype of rows of this payload.
 pub(crate) fn row_dtype<'py>(py: Python<'py>, shape: &Value) -> PyResult<Bound<'py, PyAny>> {
-    let (element, sides) = dtype(py, shape)?;
-    match sides.is_empty() {
-        true => Ok(element),
-        false => py.import("numpy")?.call_method1("dtype", ((element, PyTuple::new(py, sides)?),)),
-    }
+    with_sides(py, dtype(py, shape)?)
 }

@@ -120,7 +120,7 @@ pub(crate) fn split<'a, 'py>(
         Err(_) => invalid_type(format!("set: expected int or the name of a binding, found {}", class(set))),
     })?;
     let Some(binding) = binding else {
-        return Err(invalid_type("binding: missing behind the set".to_owned()));
+        return Err(invalid_type("binding: missing after the set".to_owned()));
     };
     Ok((Place::At(Binding { set: number, binding: u32::of("binding", binding)? }), data))
 }

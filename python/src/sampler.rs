@@ -1,6 +1,7 @@
 //! How shaders sample images.
 
-use anyhit::{AddressMode, BorderColor, CompareOp, Filter};
+use anyhit::AddressMode;
+use anyhit_scene::read::Named;
 use pyo3::prelude::*;
 use pyo3::types::PyString;
 
@@ -14,38 +15,14 @@ pub(crate) struct Sampler {
     pub(crate) sampler: anyhit::Sampler,
 }
 
-/// The element of a list with a name.
-fn choice<T: Copy>(argument: &str, given: &Bound<'_, PyAny>, all: &[(&str, T)]) -> PyResult<T> {
+/// The value with a name.
+fn choice<T: Named>(argument: &str, given: &Bound<'_, PyAny>) -> PyResult<T> {
     let name = String::of(argument, given)?;
-    all.iter().find(|(known, _)| *known == name).map(|(_, value)| *value).ok_or_else(|| {
-        let names: Vec<String> = all.iter().map(|(name, _)| format!("{name:?}")).collect();
+    T::NAMES.iter().find(|(known, _)| *known == name).map(|(_, value)| *value).ok_or_else(|| {
+        let names: Vec<String> = T::NAMES.iter().map(|(name, _)| format!("{name:?}")).collect();
         invalid(format!("{argument}: {name:?} is none of {}", names.join(", ")))
     })
 }
-
-const FILTERS: &[(&str, Filter)] = &[("nearest", Filter::Nearest), ("linear", Filter::Linear)];
-const ADDRESS_MODES: &[(&str, AddressMode)] = &[
-    ("repeat", AddressMode::Repeat),
-    ("mirrored_repeat", AddressMode::MirroredRepeat),
-    ("clamp_to_edge", AddressMode::ClampToEdge),
-    ("clamp_to_border", AddressMode::ClampToBorder),
-    ("mirror_clamp_to_edge", AddressMode::MirrorClampToEdge),
-];
-const BORDER_COLORS: &[(&str, BorderColor)] = &[
-    ("transparent_black", BorderColor::TransparentBlack),
-    ("opaque_black", BorderColor::OpaqueBlack),
-    ("opaque_white", BorderColor::OpaqueWhite),
-];
-const COMPARE_OPS: &[(&str, CompareOp)] = &[
-    ("never", CompareOp::Never),
-    ("less", CompareOp::Less),
-    ("equal", CompareOp::Equal),
-    ("less_or_equal", CompareOp::LessOrEqual),
-    ("greater", CompareOp::Greater),
-    ("not_equal", CompareOp::NotEqual),
-    ("greater_or_equal", CompareOp::GreaterOrEqual),
-    ("always", CompareOp::Always),
-];
 
 #[pymethods]
 impl Sampler {
@@ -74,17 +51,17 @@ impl Sampler {
             ("mipmap_mode", mipmap_mode, &mut sampler.mipmap_mode),
         ] {
             if let Some(given) = given {
-                *to = choice(name, given, FILTERS)?;
+                *to = choice(name, given)?;
             }
         }
         if let Some(given) = address_mode {
             sampler.address_mode = address_modes(given)?;
         }
         if let Some(given) = border_color {
-            sampler.border_color = choice("border_color", given, BORDER_COLORS)?;
+            sampler.border_color = choice("border_color", given)?;
         }
         if let Some(given) = compare_op {
-            sampler.compare_op = Some(choice("compare_op", given, COMPARE_OPS)?);
+            sampler.compare_op = Some(choice("compare_op", given)?);
         }
         for (name, given, to) in [
             ("min_lod", min_lod, &mut sampler.min_lod),
@@ -110,11 +87,11 @@ impl Sampler {
 
 fn address_modes(given: &Bound<'_, PyAny>) -> PyResult<[AddressMode; 3]> {
     if given.is_instance_of::<PyString>() {
-        return Ok([choice("address_mode", given, ADDRESS_MODES)?; 3]);
+        return Ok([choice("address_mode", given)?; 3]);
     }
     let items = given.try_iter().map_err(|_| wrong_class("address_mode", "str or a list of three", given))?;
     let modes: Vec<AddressMode> =
-        items.map(|item| choice("address_mode", &item?, ADDRESS_MODES)).collect::<PyResult<_>>()?;
+        items.map(|item| choice("address_mode", &item?)).collect::<PyResult<_>>()?;
     let count = modes.len();
     modes.try_into().map_err(|_| invalid(format!("address_mode: a list of {count} modes, not of three")))
 }

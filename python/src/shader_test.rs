@@ -4,6 +4,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use anyhit::{Descriptor, StructData, Value};
 use anyhit_engine::machine::Binding;
+use pyo3::call::PyCallArgs;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -16,7 +17,7 @@ use crate::numbers::{Member, members, nested};
 use crate::outcome::{ShaderOutcome, report_dict};
 use crate::payload;
 use crate::place::{Place, split_with};
-use crate::run::{interruptible, run};
+use crate::run::interruptible;
 use crate::sampler::Sampler;
 use crate::scene::{buffer_bytes, filled};
 use crate::used::Use;
@@ -69,12 +70,8 @@ impl ShaderTest {
         specialization: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
         let module = module.specialized(specialization)?;
-        let whole = match stage {
-            None => Some(run(py, || anyhit::ShaderTest::new(&module.module, &entry))?),
-            Some(_) => None,
-        };
         let program = Program::of(py, &module, &entry, stage.as_deref())?.program;
-        let test = whole.map_or_else(|| anyhit::ShaderTest::of(program.clone()).map_err(raised), Ok)?;
+        let test = anyhit::ShaderTest::of(program.clone()).map_err(raised)?;
         let payload = payload::of_program(&program);
         Ok(Self { test, module, payload, program, raised: Arc::default(), used: Use::free() })
     }
@@ -215,10 +212,7 @@ impl ShaderTest {
             let answered = Python::attach(|py| {
                 let found = Arc::default();
                 let call = TraceCall { call: trace.clone(), found: Arc::clone(&found) };
-                let answer = callback.bind(py).call1((call,)).and_then(|answer| match answer.is_none() {
-                    true => Ok(Vec::new()),
-                    false => members(&trace.payload.value(), &answer),
-                });
+                let answer = answered(callback.bind(py), (call,), &trace.payload.value());
                 if let Some(instance) = found.lock().unwrap_or_else(PoisonError::into_inner).take() {
                     trace.hit(instance);
                 }
@@ -237,11 +231,7 @@ impl ShaderTest {
             let answered = Python::attach(|py| {
                 let shape = call.data.value();
                 let answer = to_python(py, &shape)
-                    .and_then(|data| callback.bind(py).call1((call.index, data)))
-                    .and_then(|answer| match answer.is_none() {
-                        true => Ok(Vec::new()),
-                        false => members(&shape, &answer),
-                    });
+                    .and_then(|data| answered(callback.bind(py), (call.index, data), &shape));
                 answer.map_err(|error| keep(py, &raised, error))
             });
             write(&mut call.data, answered?)
@@ -257,10 +247,7 @@ impl ShaderTest {
         let answer = move |execute: &mut anyhit::ExecuteCall| {
             let answered = Python::attach(|py| {
                 let call = ExecuteCall { call: execute.clone() };
-                let answer = callback.bind(py).call1((call,)).and_then(|answer| match answer.is_none() {
-                    true => Ok(Vec::new()),
-                    false => members(&execute.payload.value(), &answer),
-                });
+                let answer = answered(callback.bind(py), (call,), &execute.payload.value());
                 answer.map_err(|error| keep(py, &raised, error))
             });
             write(&mut execute.payload, answered?)
@@ -294,13 +281,8 @@ impl ShaderTest {
     /// Runs the shader once.
     fn run(&self, py: Python<'_>) -> PyResult<ShaderOutcome> {
         self.used.mark();
-        match interruptible(py, || self.test.clone().run())? {
-            Ok(outcome) => match self.taken() {
-                None => Ok(ShaderOutcome { outcome, programs: [self.program.clone()] }),
-                Some(error) => Err(error),
-            },
-            Err(error) => Err(self.raised(error)),
-        }
+        let outcome = self.finish(interruptible(py, || self.test.clone().run())?)?;
+        Ok(ShaderOutcome { outcome, programs: [self.program.clone()] })
     }
 
     /// Runs the shader in the debugger, and returns the transcript of commands, one a line.
@@ -310,10 +292,7 @@ impl ShaderTest {
         #[pyo3(from_py_with = argument::commands)] commands: String,
     ) -> PyResult<String> {
         self.used.mark();
-        match interruptible(py, || self.test.debug(&commands))? {
-            Ok(transcript) => Ok(transcript),
-            Err(error) => Err(self.raised(error)),
-        }
+        self.finish(interruptible(py, || self.test.debug(&commands))?)
     }
 
     fn __repr__(&self) -> String {
@@ -323,22 +302,29 @@ impl ShaderTest {
     /// Runs the shader once under the sanitizer. Returns the reports of what it only warns of.
     fn sanitize(&self, py: Python<'_>) -> PyResult<Vec<String>> {
         self.used.mark();
-        match interruptible(py, || self.test.clone().sanitize())? {
-            Ok(warnings) => Ok(warnings.iter().map(anyhit::Error::render).collect()),
-            Err(error) => Err(self.raised(error)),
-        }
+        let warnings = self.finish(interruptible(py, || self.test.clone().sanitize())?)?;
+        Ok(warnings.iter().map(anyhit::Error::render).collect())
     }
 }
 
 impl ShaderTest {
-    /// What a callback has raised, or else the error.
-    fn raised(&self, error: anyhit::Error) -> PyErr {
-        self.taken().unwrap_or_else(|| raised(error))
+    /// The result of a run, or the exception that a callback has raised meanwhile.
+    fn finish<T>(&self, result: anyhit::Result<T>) -> PyResult<T> {
+        match self.raised.lock().unwrap_or_else(PoisonError::into_inner).take() {
+            Some(exception) => Err(exception),
+            None => result.map_err(raised),
+        }
     }
+}
 
-    fn taken(&self) -> Option<PyErr> {
-        self.raised.lock().unwrap_or_else(PoisonError::into_inner).take()
-    }
+/// The members that a callback changes; none where it returns `None`.
+fn answered<'py>(
+    callback: &Bound<'py, PyAny>,
+    arguments: impl PyCallArgs<'py>,
+    shape: &Value,
+) -> PyResult<Vec<Member>> {
+    let answer = callback.call1(arguments)?;
+    if answer.is_none() { Ok(Vec::new()) } else { members(shape, &answer) }
 }
 
 /// Keeps what a callback has raised, and returns an error that ends the run.

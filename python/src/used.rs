@@ -8,7 +8,7 @@ use pyo3::exceptions::PyRuntimeWarning;
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 
-/// Whether the result of a builder's method was used. A clone is a use.
+/// Tracks whether the result of a builder method is used. A clone is a use.
 pub(crate) struct Use {
     /// What returned the result; `None` for a constructor.
     of: Option<Method>,

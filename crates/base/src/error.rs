@@ -7,6 +7,7 @@
 //! operating system, as its [source](std::error::Error::source).
 
 pub mod names;
+mod place;
 mod report;
 mod stage;
 mod trap;
@@ -14,11 +15,11 @@ mod trap_code;
 
 use std::fmt;
 use std::io;
-use std::ops::Range;
 use std::panic::{RefUnwindSafe, UnwindSafe};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 
+use crate::error::place::{clamp_span, line_at};
 use crate::escape;
 use crate::style::Style;
 
@@ -28,6 +29,7 @@ use codespan_reporting::term::termcolor::{self, Color, ColorSpec};
 use codespan_reporting::term::{self, Styles, StylesWriter, WriteStyle};
 use serde::{Deserialize, Serialize};
 
+pub use place::Place;
 pub use report::{ErrorClass, ErrorReport};
 pub use stage::Stage;
 pub use trap::IndexOperand;
@@ -99,33 +101,6 @@ pub fn feature_note(feature: &str) -> String {
     format!(
         "help: enable the feature `{feature}`: `features = [\"{feature}\"]` in Cargo.toml, or `cargo build --features {feature}`"
     )
-}
-
-/// The place of a problem in an input.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Place {
-    /// A word of a SPIR-V module, counted from its first word.
-    Word(usize),
-    /// A span of a text file; the range counts bytes.
-    Text {
-        /// The file's name as the user gave it.
-        file: String,
-        /// The whole text of the file.
-        text: Arc<str>,
-        /// The range of the problem, in bytes.
-        span: Range<usize>,
-    },
-    /// A line and a column of a source whose text is not available.
-    Line {
-        /// The file's name as the debug information gives it.
-        file: String,
-        /// The line, from 1.
-        line: u32,
-        /// The column, from 1; 0 if unknown.
-        column: u32,
-    },
-    /// A file as a whole.
-    File(PathBuf),
 }
 
 /// Where a place of an error goes, in [`Error::relocated`].
@@ -450,7 +425,7 @@ impl Error {
                         file = SimpleFile::new(name, text.clone());
                         labels.push(Label::new(style, (), clamp_span(span, text)).with_message(label));
                     } else {
-                        let line = text[..clamp_span(span, text).start].matches('\n').count() + 1;
+                        let line = line_at(text, span.start);
                         notes.push(format!("at {name}:{line}{suffix}"));
                     }
                 }
@@ -532,19 +507,6 @@ impl fmt::Display for Warning {
     }
 }
 
-/// A span that lies within the text, on character boundaries.
-fn clamp_span(span: &Range<usize>, text: &str) -> Range<usize> {
-    let floor = |mut at: usize| {
-        at = at.min(text.len());
-        while !text.is_char_boundary(at) {
-            at -= 1;
-        }
-        at
-    };
-    let start = floor(span.start);
-    start..floor(span.end).max(start)
-}
-
 impl fmt::Display for Error {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(&self.0.message)?;
@@ -553,7 +515,7 @@ impl fmt::Display for Error {
                 Place::Word(offset) => write!(f, " (at word {offset})")?,
                 Place::Line { file, line, .. } => write!(f, " (at {}:{line})", escape::line(file))?,
                 Place::Text { file, text, span } => {
-                    let line = text[..clamp_span(span, text).start].matches('\n').count() + 1;
+                    let line = line_at(text, span.start);
                     write!(f, " (at {}:{line})", escape::line(file))?;
                 }
                 Place::File(path) => write!(f, " (in {})", escape::path(&path))?,

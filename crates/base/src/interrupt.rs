@@ -1,4 +1,4 @@
-//! Interruption of what a thread runs, by its host: Ctrl-C in an interpreter that embeds anyhit.
+//! Interruption of a thread's work by its host: Ctrl-C in an interpreter that embeds anyhit.
 
 use std::cell::RefCell;
 use std::fmt;
@@ -56,7 +56,7 @@ impl Interrupt {
         run()
     }
 
-    /// Returns whether the run ends; asks the host where it is time to.
+    /// Returns true if the run ends; asks the host at most once in [`ASK_INTERVAL`].
     pub fn is_raised(&self) -> bool {
         let Shared { owner, is_raised, began, asked, ask } = &*self.0;
         if is_raised.load(Relaxed) {

@@ -41,9 +41,8 @@ impl Style {
         }
     }
 
-    /// Whether its text is bold.
-    #[must_use]
-    pub const fn is_bold(self) -> bool {
+    /// Returns true for bold text.
+    const fn is_bold(self) -> bool {
         matches!(self, Self::Heading | Self::Strong | Self::Bad)
     }
 

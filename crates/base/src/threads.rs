@@ -11,13 +11,13 @@ use crate::interrupt::{ASK_INTERVAL, Interrupt};
 /// The process in which threads of the pool were first used here.
 static POOL_OWNER: PoolOwner = PoolOwner(OnceLock::new());
 
-/// A process whose pool of threads runs. A forked child inherits the pool without its threads:
-/// whoever waits for them there waits for ever.
+/// The process whose pool has threads. A forked child inherits the pool without its threads: waiting
+/// for them there never returns.
 struct PoolOwner(OnceLock<u32>);
 
 impl PoolOwner {
-    /// Returns whether the pool has its threads in the process with this number; the first process
-    /// that asks starts them.
+    /// Returns true if the pool has its threads in the process with this number. The first call
+    /// makes its process the owner.
     fn is(&self, process: u32) -> bool {
         *self.0.get_or_init(|| process) == process
     }
@@ -31,7 +31,7 @@ pub fn has_threads() -> bool {
 
 /// Returns the number of threads of the current pool, which this starts.
 pub fn thread_count() -> usize {
-    // The pool belongs to the process that first asks.
+    // Makes this process the owner, because the next line starts the threads.
     has_threads();
     rayon::current_num_threads()
 }

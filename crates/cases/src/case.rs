@@ -11,7 +11,7 @@ use anyhit_base::input::InputLimit;
 use anyhit_base::sorted::{SortedSet, sort};
 use anyhit_engine::pipeline::BatchWidth;
 use anyhit_scene::file::SceneFile;
-use anyhit_scene::read::{Diagnostics, Document, Parse, Span, Table};
+use anyhit_scene::read::{Diagnostics, Document, Parse, Table};
 use anyhit_scene::resolve::refuse_module;
 use anyhit_scene::{
     Assembled, Files, LoadOptions, ParsedScene, ResolvedScene, RunLimits, SceneFiles, assemble, load,
@@ -45,7 +45,7 @@ pub struct Case {
     pub parsed: Option<ParsedScene>,
 }
 
-/// A ray that is a test of its own.
+/// A ray with a `[ray.expect]`, which the suite runs as a separate test.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct CaseRay {
     /// Its place among the rays of its file.
@@ -183,9 +183,7 @@ impl Case {
         let rays = each_ray(&file.document, &report, |at, table| {
             let name = table.value("name").and_then(|name| Some(escape::controls(name.text()?).into_owned()));
             table.has("expect").then(|| {
-                let Span { source, range } = table.span();
-                let before = source.text.get(..range.start).unwrap_or_default();
-                let line = before.matches('\n').count() as u32 + 1;
+                let line = table.span().place().file_line().map_or(1, |(_, line)| line);
                 CaseRay { index: at, name: name.unwrap_or_else(|| format!("ray {at}")), line }
             })
         });

@@ -306,9 +306,9 @@ impl LoadedScene {
         self.change(Change::Motion(instance, motion))
     }
 
-    /// Replaces a shader, by its name below `[shaders]`, by a source text; the extension of
-    /// `file_name` tells its language. A file of that name is not read; includes are searched
-    /// beside it. Entry points keep their names.
+    /// Replaces a shader, by its name below `[shaders]`, by a source text in the language of
+    /// the extension of `file_name`. No file with this name is read; its folder is the first in
+    /// which includes are searched. Entry points keep their names.
     ///
     /// # Errors
     /// `InvalidArgument` where the scene uses no shader of that name. Mistakes in the source are

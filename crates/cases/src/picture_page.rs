@@ -5,9 +5,9 @@ use crate::drawing::heat_map::{HeatMap, HeatScale, Palette, number};
 use crate::drawing::page::{HtmlPage, PageExplanations, PageLayer, PagePicture};
 use crate::expect::PictureDifference;
 use crate::observe::fresh_resources;
-use crate::pixel_cost::{Heat, HeatMeasure};
+use crate::pixel_cost::{Heat, HeatMeasure, worst_pixels};
 use anyhit_base::error::Result;
-use anyhit_base::threads::map_on_threads;
+use anyhit_base::threads::{map_on_threads, thread_count};
 use anyhit_debugger::line_recorder::FollowedRuns;
 use anyhit_debugger::source_text::source_text;
 use anyhit_debugger::{ExplainRequest, Session};
@@ -87,9 +87,8 @@ pub fn explain(
         let options = RenderOptions { summary: true, ..RenderOptions::default() };
         Some(([x, y], render::text(&transcript, options)))
     };
-    // Each thread has memory of its own.
-    let threads = std::thread::available_parallelism().map_or(1, usize::from);
-    let shares: Vec<_> = pixels.chunks(pixels.len().div_ceil(threads).max(1)).collect();
+    // Sessions are not shared between threads.
+    let shares: Vec<_> = pixels.chunks(pixels.len().div_ceil(thread_count()).max(1)).collect();
     let explained = map_on_threads(shares.len(), |at| {
         let session = session.copied();
         shares[at].iter().filter_map(|&pixel| text(&session, pixel)).collect::<Vec<_>>()
@@ -144,8 +143,7 @@ pub fn comparison(compared: &PictureDifference) -> Result<(Vec<PagePicture>, Pag
     let distances: Vec<f64> = compared.distances().into_iter().map(f64::from).collect();
     let count = distances.iter().filter(|&&distance| distance > 0.0).count();
     let extent = compared.found.extent;
-    let heat = Heat { measure: HeatMeasure::Ulps, extent, values: distances.clone() };
-    let (worst, ties) = heat.worst(WORST);
+    let (worst, ties) = worst_pixels(extent, &distances, WORST);
     let most = worst.first().map_or(0.0, |(_, most)| *most);
     let map = HeatMap {
         extent,

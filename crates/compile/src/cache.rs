@@ -79,10 +79,10 @@ pub fn compile_once_in(folder: &Path, source: &Source, options: &CompileOptions)
         touch(&path);
         return Ok(compiled);
     }
-    let was_file = source.is_file();
+    let was_file = source.has_unchanged_file();
     let compiled = compile_with_warnings(source, options)?;
     // A file that changed meanwhile may be part of the module, which then belongs to another key.
-    if source.is_file() != was_file || self::key(source, options)?.as_ref() != Some(&key) {
+    if source.has_unchanged_file() != was_file || self::key(source, options)?.as_ref() != Some(&key) {
         return Ok(compiled);
     }
     // A failure to write only makes the next compilation slower.

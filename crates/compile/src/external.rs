@@ -107,6 +107,7 @@ pub(super) struct Workspace {
     _guard: RemovalGuard,
     folder: PathBuf,
     source_path: PathBuf,
+    include_folders: Vec<PathBuf>,
 }
 
 impl Workspace {
@@ -117,11 +118,13 @@ impl Workspace {
         let output_folder = output_folder.map_err(|error| Error::io(env::temp_dir(), error))?;
         let guard = RemovalGuard::new(output_folder.path());
         let mut folder = output_folder.path().to_owned();
-        let source_path = source.external_path();
-        if source.is_file() {
+        let is_temporary = !source.has_unchanged_file();
+        let mut source_path = PathBuf::from(source.name());
+        if !is_temporary {
             let own = source.folder();
             folder = if own.as_os_str().is_empty() { PathBuf::from(".") } else { own.to_owned() };
         } else {
+            source_path = source.temporary_path();
             let path = folder.join(&source_path);
             let parent = path.parent().unwrap_or(&folder);
             fs::create_dir_all(parent).map_err(|error| Error::io(parent, error))?;
@@ -129,7 +132,8 @@ impl Workspace {
         }
         let folder = fs::canonicalize(&folder).map_err(|error| Error::io(&folder, error))?;
         let folder = without_verbatim_prefix(&folder);
-        Ok(Self { output_folder, _guard: guard, folder, source_path })
+        let include_folders = source.external_include_folders(is_temporary)?;
+        Ok(Self { output_folder, _guard: guard, folder, source_path, include_folders })
     }
 
     /// The folder that names of files are relative to.
@@ -140,6 +144,11 @@ impl Workspace {
     /// The path of the source, relative to the folder.
     pub(super) fn source_path(&self) -> &Path {
         &self.source_path
+    }
+
+    /// The folders in which the compiler looks for included files.
+    pub(super) fn include_folders(&self) -> &[PathBuf] {
+        &self.include_folders
     }
 
     /// The path to which the compiler writes the module.

@@ -1,5 +1,7 @@
 //! Compiles GLSL with the built-in glslang.
 
+use std::path::Path;
+
 use glslang::error::GlslangError;
 use glslang::include::{IncludeHandler, IncludeResult, IncludeType};
 use glslang::{
@@ -43,15 +45,16 @@ fn translate(source: &Source, stage: Stage, options: &CompileOptions) -> Result<
     let input = ShaderInput::new(&text, stage, &settings, Some(&defines[..]), Some(&mut includes))
         .map_err(|error| failed(source, &error))?;
     let shader = compiler.create_shader(input).map_err(|error| failed(source, &error))?;
+    let path = Path::new(source.name());
     let words = match options.debug {
         DebugInfoLevel::Names => shader.compile().map_err(|error| failed(source, &error))?,
         debug => {
             let preprocessed = shader.get_preprocessed_code();
             glslang_debug::compile(source, &preprocessed, stage, debug)
-                .map_err(|log| message::error(source, message::glslang(&log, Severity::Error), &log))?
+                .map_err(|log| message::error(source, path, message::glslang(&log, Severity::Error), &log))?
         }
     };
-    let warnings = message::warnings(source, message::glslang(&shader.get_log(), Severity::Warning));
+    let warnings = message::warnings(source, path, message::glslang(&shader.get_log(), Severity::Warning));
     Ok(Compiled { spirv: bytes(&words), warnings })
 }
 
@@ -89,10 +92,11 @@ impl IncludeHandler for Includes<'_> {
 }
 
 fn failed(source: &Source, error: &GlslangError) -> Error {
+    let path = Path::new(source.name());
     match error {
         GlslangError::PreprocessError(log) | GlslangError::ParseError(log) | GlslangError::LinkError(log) => {
-            message::error(source, message::glslang(&log.log, Severity::Error), &log.log)
+            message::error(source, path, message::glslang(&log.log, Severity::Error), &log.log)
         }
-        other => message::error(source, Vec::new(), &other.to_string()),
+        other => message::error(source, path, Vec::new(), &other.to_string()),
     }
 }

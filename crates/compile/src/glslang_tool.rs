@@ -57,7 +57,7 @@ pub(super) fn compile(source: &Source, stage: Stage, options: &CompileOptions) -
             command.arg("-Od");
         }
     }
-    for folder in source.external_include_folders()? {
+    for folder in workspace.include_folders() {
         let mut argument = std::ffi::OsString::from("-I");
         argument.push(folder);
         command.arg(argument);
@@ -67,13 +67,13 @@ pub(super) fn compile(source: &Source, stage: Stage, options: &CompileOptions) -
     if let Some(crash) = tool.crash(source, &result) {
         return Err(crash);
     }
-    let printed = printed(&result);
+    let (printed, path) = (printed(&result), workspace.source_path());
     let diagnostics = |wanted| match is_glslc(&tool) {
         true => message::glslc(&printed, wanted),
         false => message::glslang(&printed, wanted),
     };
     if result.status.success() {
-        let warnings = message::warnings(source, diagnostics(Severity::Warning));
+        let warnings = message::warnings(source, path, diagnostics(Severity::Warning));
         return Ok(Compiled { spirv: workspace.module(&tool, source, &printed)?, warnings });
     }
     let diagnostics = diagnostics(Severity::Error);
@@ -86,7 +86,7 @@ pub(super) fn compile(source: &Source, stage: Stage, options: &CompileOptions) -
             error.note("help: install a newer glslang, or build anyhit with its own (`--features glsl`)")
         );
     }
-    Err(message::error(source, diagnostics, &printed))
+    Err(message::error(source, path, diagnostics, &printed))
 }
 
 /// The tool and its version.

@@ -50,9 +50,14 @@ impl CompilerDiagnostic {
     }
 }
 
-/// Makes one error of diagnostics, each at its place in the text. If there are none, the whole
-/// output is the message.
-pub(super) fn error(source: &Source, diagnostics: Vec<CompilerDiagnostic>, output: &str) -> Error {
+/// Makes one error of diagnostics, each at its place in the text. The compiler read the source at
+/// `path`. If there are no diagnostics, the whole output is the message.
+pub(super) fn error(
+    source: &Source,
+    path: &Path,
+    diagnostics: Vec<CompilerDiagnostic>,
+    output: &str,
+) -> Error {
     if diagnostics.is_empty() {
         let message = output.trim().lines().next().unwrap_or("the compiler failed and printed nothing");
         let rest = output.trim().lines().skip(1).collect::<Vec<_>>().join("\n");
@@ -63,7 +68,7 @@ pub(super) fn error(source: &Source, diagnostics: Vec<CompilerDiagnostic>, outpu
     let errors = diagnostics.into_iter().map(|diagnostic| {
         let error = Error::new(ErrorKind::InvalidSource, diagnostic.text);
         let error = diagnostic.notes.into_iter().fold(error, Error::note);
-        let name = named_file(source, &diagnostic.file);
+        let name = named_file(source, path, &diagnostic.file);
         let text = if name == source.name() { Some(source.text()) } else { files.get(name) };
         match text {
             _ if diagnostic.line == 0 => error.at(Place::File(name.into())),
@@ -82,11 +87,11 @@ pub(super) fn error(source: &Source, diagnostics: Vec<CompilerDiagnostic>, outpu
     Error::several(errors.collect())
 }
 
-/// Makes warnings of diagnostics; a compiler may say one twice.
-pub(super) fn warnings(source: &Source, diagnostics: Vec<CompilerDiagnostic>) -> Vec<Warning> {
+/// Makes warnings of diagnostics; a compiler may say one twice. It read the source at `path`.
+pub(super) fn warnings(source: &Source, path: &Path, diagnostics: Vec<CompilerDiagnostic>) -> Vec<Warning> {
     let mut warnings: Vec<Warning> = Vec::new();
     for diagnostic in diagnostics {
-        let file = named_file(source, &diagnostic.file).to_owned();
+        let file = named_file(source, path, &diagnostic.file).to_owned();
         let number = |number| u32::try_from(number).unwrap_or(u32::MAX);
         let (line, column) = (number(diagnostic.line), number(diagnostic.column));
         let notes = diagnostic.notes.into_iter().map(|note| format!("; {note}"));
@@ -99,9 +104,9 @@ pub(super) fn warnings(source: &Source, diagnostics: Vec<CompilerDiagnostic>) ->
     warnings
 }
 
-/// The name of the file that a compiler names: the source, or a file that it includes.
-fn named_file<'a>(source: &'a Source, file: &'a str) -> &'a str {
-    let is_source = file.is_empty() || Path::new(file) == source.external_path();
+/// The name of the file that a compiler names: the source at `path`, or a file that it includes.
+fn named_file<'a>(source: &'a Source, path: &Path, file: &'a str) -> &'a str {
+    let is_source = file.is_empty() || Path::new(file) == path;
     if is_source { source.name() } else { file }
 }
 
@@ -362,9 +367,11 @@ mod tests {
         assert_eq!(slangc(old, Severity::Warning)[0].notes, ["e.slang:8: of the warning"]);
         // They are shown with their message.
         let source = Source::from_text("a.slang", "").unwrap();
-        let shown = error(&source, slangc(output, Severity::Error), output).render();
+        let shown =
+            error(&source, Path::new(source.name()), slangc(output, Severity::Error), output).render();
         assert!(shown.contains("= a.slang:4:54: see using of 'discard'"), "{shown}");
-        let told = warnings(&source, slangc(output, Severity::Warning))[0].to_string();
+        let told =
+            warnings(&source, Path::new(source.name()), slangc(output, Severity::Warning))[0].to_string();
         assert_eq!(told, "a.slang:1:1: [E1] odd; a.slang:7:1: of the warning");
     }
 
@@ -372,7 +379,7 @@ mod tests {
     fn warnings_of_each_compiler() {
         let text = |found: Vec<CompilerDiagnostic>| -> Vec<String> {
             let source = Source::from_text("a.slang", "").unwrap();
-            warnings(&source, found).iter().map(ToString::to_string).collect()
+            warnings(&source, Path::new(source.name()), found).iter().map(ToString::to_string).collect()
         };
         let output = "warning[E31000]: unknown attribute\n  --> b.hlsl:22:7\n   |\n22 | [[vk::x]]\n   |   ^^^^^ 'vk_x'\n---'\n\
                       error[E1]: wrong\n --> b.hlsl:9:9\n  |\n1 | x\n  | ^ not this\n";

@@ -21,7 +21,6 @@ pub(super) fn compile(source: &Source, options: &CompileOptions) -> Result<Compi
         return Err(Error::new(ErrorKind::InvalidArgument, text));
     }
     let workspace = Workspace::new(source)?;
-    let folders = source.external_include_folders()?;
     let tool = tool()?;
     let run = |optimize| {
         let mut command = Command::new(&tool.path);
@@ -37,7 +36,7 @@ pub(super) fn compile(source: &Source, options: &CompileOptions) -> Result<Compi
         }
         command.arg("-o").arg(workspace.output());
         command.args(["-target", "spirv", "-fvk-use-entrypoint-name"]);
-        for folder in &folders {
+        for folder in workspace.include_folders() {
             command.arg("-I").arg(folder);
         }
         command.args(options.flags.define_arguments()).args(&options.flags.passed);
@@ -63,15 +62,15 @@ pub(super) fn compile(source: &Source, options: &CompileOptions) -> Result<Compi
     if let Some(crash) = tool.crash(source, &result) {
         return Err(crash);
     }
-    let printed = printed(&result);
+    let (printed, path) = (printed(&result), workspace.source_path());
     if !result.status.success() {
-        let error = message::error(source, message::slangc(&printed, Severity::Error), &printed);
+        let error = message::error(source, path, message::slangc(&printed, Severity::Error), &printed);
         return Err(match printed.contains(NO_OPTIMIZER) {
             true => error.note("help: compile with -O0; this slangc has no optimiser beside it"),
             false => error,
         });
     }
-    let warnings = message::warnings(source, message::slangc(&printed, Severity::Warning));
+    let warnings = message::warnings(source, path, message::slangc(&printed, Severity::Warning));
     let spirv = without_machine_paths(&workspace.module(&tool, source, &printed)?, workspace.folder());
     Ok(Compiled { spirv, warnings })
 }

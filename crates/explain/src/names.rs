@@ -6,7 +6,6 @@ use std::path::Path;
 use std::sync::Arc;
 
 use crate::transcript::{Flags, ShaderLabel, TranscriptLine};
-use anyhit_base::error::Place;
 use anyhit_engine::accel::{HitKind, RecordIndex, Tlas};
 use anyhit_engine::geometry::Surface;
 use anyhit_engine::machine::{DeviceMemory, OpIndex, ShaderIndex};
@@ -87,15 +86,7 @@ pub fn source_line(program: &Program, op: OpIndex) -> Option<TranscriptLine> {
 
 /// The source line of the instruction at a word offset of the module.
 pub fn source_line_at(program: &Program, offset: u32) -> Option<TranscriptLine> {
-    Some(match program.place_at(offset)? {
-        Place::Text { file, text, span } => TranscriptLine {
-            file,
-            line: text[..span.start].matches('\n').count() as u32 + 1,
-            text: Some(text[span].to_owned()),
-        },
-        Place::Line { file, line, .. } => TranscriptLine { file, line, text: None },
-        _ => return None,
-    })
+    TranscriptLine::of(&program.place_at(offset)?)
 }
 
 /// What a scene calls its modules, records and structures.

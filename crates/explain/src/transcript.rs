@@ -8,7 +8,7 @@ use serde::Serialize;
 
 use crate::executed_lines::{ExecutedLine, PrintedText};
 use crate::given_block::GivenBlock;
-use anyhit_base::error::ErrorReport;
+use anyhit_base::error::{ErrorReport, Place};
 use anyhit_base::sorted::SortedMap;
 use anyhit_engine::reflect::value::{FloatValue, TypedValue};
 
@@ -283,6 +283,18 @@ pub struct TranscriptLine {
     pub line: u32,
     /// The line's text without its indent, if the module holds the source.
     pub text: Option<String>,
+}
+
+impl TranscriptLine {
+    /// The line of a place; `None` for a place that is in no text.
+    pub fn of(place: &Place) -> Option<Self> {
+        let (file, line) = place.file_line()?;
+        let text = match place {
+            Place::Text { text, span, .. } => text.get(span.clone()).map(str::to_owned),
+            _ => None,
+        };
+        Some(Self { file: file.to_owned(), line, text })
+    }
 }
 
 /// A traced ray.

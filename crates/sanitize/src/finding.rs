@@ -37,13 +37,8 @@ impl Finding {
     /// The file and line that the report points to, where the module has debug information.
     pub fn place(&self) -> Option<(&str, usize)> {
         self.error.places().find_map(|(place, _)| match place {
-            Place::Text { file, text, span } => {
-                let before = text.get(..span.start).unwrap_or_default();
-                Some((file.as_str(), before.matches('\n').count() + 1))
-            }
-            Place::Line { file, line, .. } => Some((file.as_str(), *line as usize)),
             Place::File(path) => Some((path.to_str()?, 1)),
-            Place::Word(_) => None,
+            place => place.file_line().map(|(file, line)| (file, line as usize)),
         })
     }
 

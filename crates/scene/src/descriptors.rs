@@ -153,8 +153,7 @@ pub(super) fn missing_note<'a>(
 
 /// The file and line of a place, before a note.
 pub(super) fn line_of(place: &Place) -> String {
-    let Place::Text { file, text, span } = place else { return String::new() };
-    format!("{file}:{}: ", text[..span.start].matches('\n').count() + 1)
+    place.file_line().map_or_else(String::new, |(file, line)| format!("{file}:{line}: "))
 }
 
 /// The kind of descriptor that a resource becomes, as `Descriptor::kind` says it.

@@ -18,6 +18,11 @@ use absent as gltf;
 #[cfg(not(feature = "obj"))]
 use absent as obj;
 
+#[cfg(any(feature = "gltf", feature = "obj"))]
+fn invalid(message: impl Into<String>) -> anyhit_base::error::Error {
+    anyhit_base::error::Error::new(anyhit_base::error::ErrorKind::InvalidMesh, message)
+}
+
 /// Triangles with shared vertices.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Mesh {

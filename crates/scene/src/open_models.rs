@@ -10,7 +10,6 @@ use crate::mesh::model::{MeshFormat, Model};
 use crate::read::Spanned;
 use crate::read_file::file_error;
 use anyhit_base::error::{Error, Result};
-use anyhit_base::sorted::sort_by;
 
 /// The mesh files of a scene, each of which is opened once.
 #[derive(Debug, Default)]
@@ -75,16 +74,11 @@ impl OpenModels {
             Unopened::Broken(error) => error.at_with(file.span.place(), "named here"),
         })
     }
-}
 
-impl OpenModels {
-    /// The models that are open, in the order of their paths.
+    /// Returns the models that are open, in no order.
     pub fn opened(&self) -> Vec<Arc<Model>> {
         let known = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        let opened = known.values().filter_map(|opened| opened.get()?.as_ref().ok().cloned());
-        let mut models: Vec<_> = opened.collect();
-        sort_by(&mut models, |one, other| one.path.cmp(&other.path));
-        models
+        known.values().filter_map(|opened| opened.get()?.as_ref().ok().cloned()).collect()
     }
 }
 

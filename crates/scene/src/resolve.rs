@@ -28,7 +28,7 @@ use crate::resources::ResourceEntry;
 use anyhit_base::error::{Error, ErrorKind, Place, Result};
 use anyhit_base::escape;
 use anyhit_base::input::InputLimit;
-use anyhit_base::sorted::SortedSet;
+use anyhit_base::sorted::{SortedSet, sort};
 use anyhit_engine::geometry::Precision;
 use anyhit_engine::machine::PrintedBytes;
 use anyhit_engine::machine::sampler::Sampler;
@@ -399,11 +399,13 @@ impl<'a> Resolver<'a> {
         Some(scene)
     }
 
-    /// Lists and notes what the models of the scene contain and no reader reads.
+    /// Lists and notes the unread content of the scene's models, by file.
     fn unread_contents(&self) -> Vec<UnreadContents> {
         let models = self.open_models.opened();
         let partial = models.iter().filter(|model| !model.unread.is_empty());
         let mut contents: Vec<_> = partial.map(|model| UnreadContents::of(model)).collect();
+        // One file may be open at several times, with other animations left.
+        sort(&mut contents);
         contents.dedup();
         contents.iter().for_each(|contents| self.report.note(contents.to_string()));
         contents

@@ -382,7 +382,7 @@ pub struct UnreadPart {
 }
 
 /// The content of a model that no reader reads.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct UnreadContents {
     /// The file.
     pub file: PathBuf,

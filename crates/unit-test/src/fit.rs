@@ -15,7 +15,6 @@ use crate::rust_layout::{Class, HostScalar, Known, RustLayout};
 use crate::value::bits_of;
 use anyhit_base::error::{Error, ErrorKind, Result};
 use anyhit_engine::module::ty::Type;
-use anyhit_engine::ops::translate::array_length;
 use anyhit_engine::reflect::Layout;
 
 /// Bytes by which a block may be padded at its end.
@@ -129,9 +128,8 @@ impl<'a> Scalars<'a> {
 
 /// The elements of the runtime array that ends a block.
 fn last_element(layout: Layout<'_>) -> Option<Layout<'_>> {
-    let (_, last) = layout.members().last()?;
-    match *layout.module.ty(last.ty) {
-        Type::RuntimeArray { element, .. } => Some(Layout { ty: element, ..last }),
+    match layout.members().last()?.1.element()? {
+        (element, None) => Some(element),
         _ => None,
     }
 }
@@ -191,13 +189,13 @@ pub(super) fn check_scalars(
 /// Checks structs of another language: they are the elements of the array that a block consists of,
 /// or one of them is the whole block.
 fn check_structs(layout: Layout<'_>, what: &str, rust: &RustLayout, host: &HostType) -> Result<()> {
-    let Some((array, length)) = whole_array(layout) else {
+    let Some(WholeArray { array, element, length }) = whole_array(layout) else {
         struct_misfit(layout, what, host)?;
         let size = layout.size();
         let fits = rust.size == host.size() && (size..size + PADDING).contains(&rust.size);
         return if fits { Ok(()) } else { Err(mismatch(layout, what, rust, None)) };
     };
-    struct_misfit(element(array), what, host)?;
+    struct_misfit(element, what, host)?;
     let stride = array.stride().max(1);
     let count = rust.size / stride;
     let fits = host.size() == stride && length.is_none_or(|length| length == count);
@@ -211,27 +209,26 @@ fn check_structs(layout: Layout<'_>, what: &str, rust: &RustLayout, host: &HostT
     Err(mismatch(layout, what, rust, Some(why)))
 }
 
-/// Returns the array that a block consists of, and its length unless that is open.
-pub fn whole_array(layout: Layout<'_>) -> Option<(Layout<'_>, Option<usize>)> {
-    match *layout.module.ty(layout.ty) {
-        Type::Array { length, .. } => Some((layout, Some(array_length(layout.module, length)))),
-        Type::RuntimeArray { .. } => Some((layout, None)),
-        Type::Struct { .. } => {
-            let mut members = layout.members();
-            let (only, others) = (members.next()?.1, members.next());
-            others.is_none().then_some(())?;
-            whole_array(only)
-        }
-        _ => None,
-    }
+/// An array with its elements.
+#[derive(Clone, Copy, Debug)]
+pub struct WholeArray<'a> {
+    /// The array itself.
+    pub array: Layout<'a>,
+    /// An element.
+    pub element: Layout<'a>,
+    /// The number of elements; `None` for a runtime array.
+    pub length: Option<usize>,
 }
 
-/// The elements of an array.
-pub fn element(array: Layout<'_>) -> Layout<'_> {
-    match *array.module.ty(array.ty) {
-        Type::Array { element, .. } | Type::RuntimeArray { element, .. } => Layout { ty: element, ..array },
-        _ => array,
+/// Returns the array that a block consists of.
+pub fn whole_array(layout: Layout<'_>) -> Option<WholeArray<'_>> {
+    if let Some((element, length)) = layout.element() {
+        return Some(WholeArray { array: layout, element, length });
     }
+    let mut members = layout.members();
+    let (only, others) = (members.next()?.1, members.next());
+    others.is_none().then_some(())?;
+    whole_array(only)
 }
 
 /// # Errors

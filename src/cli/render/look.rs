@@ -370,7 +370,7 @@ fn told(heat: &Heat, command: &[String; 2]) -> String {
         text += &format!("  {value:>width$}  {command}\n");
     }
     if ties > 0 {
-        text += &format!("  {} more pixels have the last of these numbers\n", number(ties as f64));
+        text += &format!("  {} more pixels have the same number as the last one\n", number(ties as f64));
     }
     text
 }

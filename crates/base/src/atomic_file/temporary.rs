@@ -123,12 +123,13 @@ impl Temporary {
     }
 }
 
-/// Has a temporary file or folder, which its owner removes, removed by [`abandon_all`], too.
+/// Registers a temporary file or folder for removal by [`abandon_all`]; its owner still removes it
+/// otherwise.
 #[derive(Debug)]
 pub struct RemovalGuard(PathBuf);
 
 impl RemovalGuard {
-    /// Begins to do so.
+    /// Registers the path.
     pub fn new(path: &Path) -> Self {
         live().insert(path.to_path_buf());
         Self(path.to_path_buf())

@@ -4,8 +4,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Trap};
 
-/// The class of an error, for machines: what `--json` says and the exit code tells.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+/// The class of an error, for machines: `--json` and the exit code report it. In the order of
+/// severity: of several classes, a command reports the greatest.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ErrorClass {
     /// An expectation did not hold.
@@ -32,18 +33,6 @@ impl ErrorClass {
             Self::Unsupported => "unsupported",
             Self::Limit => "limit",
             Self::Other => "error",
-        }
-    }
-
-    /// The rank among classes of which a command reports one: the highest wins.
-    pub fn severity(self) -> u8 {
-        match self {
-            Self::Expectation => 0,
-            Self::Trap => 1,
-            Self::Finding => 2,
-            Self::Unsupported => 3,
-            Self::Limit => 4,
-            Self::Other => 5,
         }
     }
 

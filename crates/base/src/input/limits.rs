@@ -116,8 +116,7 @@ limits! {
     MeshTriangles "mesh-triangles" 1 << 25, "triangles of a mesh";
     /// Nodes of a glTF scene that are visited, shared ones counted each time: 2^20.
     MeshNodes "mesh-nodes" 1 << 20, "nodes of a mesh";
-    /// Elements of glTF accessors that stand in no buffer, because a sparse accessor without a
-    /// buffer view begins with zeros: 2^22.
+    /// Elements of glTF accessors without a buffer view, which are zeros: 2^22.
     MeshSparse "mesh-sparse" 1 << 22, "elements of accessors without a buffer view";
     /// Objects and groups of an OBJ file, or values of a glTF file's JSON: 2^22.
     MeshValues "mesh-values" 1 << 22, "values of a mesh file";

@@ -2,10 +2,11 @@
 
 use std::fmt::Write;
 
-use crate::coverage::{Coverage, FileCoverage};
+use crate::coverage::{Coverage, FileCoverage, sum};
 use anyhit_base::escape;
+use anyhit_base::sorted::SortedMap;
 
-/// What is covered, and all.
+/// How many are covered, of how many.
 type Part = [usize; 2];
 
 impl Coverage {
@@ -27,7 +28,7 @@ impl Coverage {
              <!DOCTYPE coverage SYSTEM \"http://cobertura.sourceforge.net/xml/coverage-04.dtd\">\n\
              <coverage {} lines-covered=\"{}\" lines-valid=\"{}\" branches-covered=\"{}\" \
              branches-valid=\"{}\" complexity=\"0\" version=\"anyhit {}\" timestamp=\"0\">",
-            rates(lines, branches),
+            rates([lines, branches]),
             lines[0],
             lines[1],
             branches[0],
@@ -36,17 +37,13 @@ impl Coverage {
         )?;
         writeln!(out, "  <sources>\n    <source>{}</source>\n  </sources>", escape::markup(sources))?;
         writeln!(out, "  <packages>")?;
-        let folder = |name: &str| name.rsplit_once('/').map_or(".", |(folder, _)| folder).to_owned();
         let files: Vec<(&String, &FileCoverage)> = self.files.iter().collect();
         for group in files.chunk_by(|(one, _), (next, _)| folder(one) == folder(next)) {
-            let sum = |part: fn(&FileCoverage) -> Part| {
-                group.iter().map(|(_, file)| part(file)).fold([0, 0], |[a, b], [c, d]| [a + c, b + d])
-            };
             writeln!(
                 out,
                 "    <package name=\"{}\" {} complexity=\"0\">\n      <classes>",
-                escape::markup(&folder(group[0].0)),
-                rates(sum(lines_of), sum(branches_of)),
+                escape::markup(folder(group[0].0)),
+                rates(sum(group.iter().map(|(_, file)| *file))),
             )?;
             group.iter().try_for_each(|(name, file)| class(out, name, file))?;
             writeln!(out, "      </classes>\n    </package>")?;
@@ -61,18 +58,18 @@ fn class(out: &mut String, name: &str, file: &FileCoverage) -> std::fmt::Result 
         "        <class name=\"{}\" filename=\"{}\" {} complexity=\"0\">\n          <methods/>\n          <lines>",
         escape::markup(name.rsplit('/').next().unwrap_or(name)),
         escape::markup(name),
-        rates(lines_of(file), branches_of(file)),
+        rates(file.totals()),
     )?;
+    let mut ways: SortedMap<u32, Part> = SortedMap::new();
+    for (edge, taken) in &file.branches {
+        let [some, all] = ways.entry(edge.line).or_default();
+        *some += usize::from(taken.is_some_and(|taken| taken > 0));
+        *all += 1;
+    }
     for (line, count) in &file.lines {
-        let ways: Vec<bool> = file
-            .branches
-            .iter()
-            .filter(|(edge, _)| edge.line == *line)
-            .map(|(_, taken)| taken.is_some_and(|taken| taken > 0))
-            .collect();
-        let branch = match (ways.len(), ways.iter().filter(|taken| **taken).count()) {
-            (0, _) => "false\"".to_owned(),
-            (all, taken) => {
+        let branch = match ways.get(line) {
+            None => "false\"".to_owned(),
+            Some([taken, all]) => {
                 format!("true\" condition-coverage=\"{}% ({taken}/{all})\"", 100 * taken / all)
             }
         };
@@ -81,18 +78,14 @@ fn class(out: &mut String, name: &str, file: &FileCoverage) -> std::fmt::Result 
     writeln!(out, "          </lines>\n        </class>")
 }
 
-fn lines_of(file: &FileCoverage) -> Part {
-    [file.lines.values().filter(|count| **count > 0).count(), file.lines.len()]
-}
-
-fn branches_of(file: &FileCoverage) -> Part {
-    let taken = file.branches.values().filter(|taken| taken.is_some_and(|taken| taken > 0));
-    [taken.count(), file.branches.len()]
+/// The name of a file's package.
+fn folder(name: &str) -> &str {
+    name.rsplit_once('/').map_or(".", |(folder, _)| folder)
 }
 
 /// The attributes of an element with the covered parts of lines and branches.
-fn rates(lines: Part, branches: Part) -> String {
-    // Without any, nothing is left uncovered.
+fn rates([lines, branches]: [Part; 2]) -> String {
+    // An empty set counts as covered.
     let rate = |[some, all]: Part| if all == 0 { 1.0 } else { some as f64 / all as f64 };
     format!("line-rate=\"{:.4}\" branch-rate=\"{:.4}\"", rate(lines), rate(branches))
 }

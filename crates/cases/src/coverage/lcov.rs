@@ -31,11 +31,10 @@ fn record(out: &mut String, name: &str, file: &FileCoverage) -> std::fmt::Result
         let taken = taken.map_or("-".into(), |taken| taken.to_string());
         writeln!(out, "BRDA:{},{},{},{taken}", edge.line, edge.branch, edge.way)?;
     }
-    let taken = file.branches.values().filter(|taken| taken.is_some_and(|taken| taken > 0)).count();
-    writeln!(out, "BRF:{}\nBRH:{taken}", file.branches.len())?;
+    let [[run, lines], [taken, ways]] = file.totals();
+    writeln!(out, "BRF:{ways}\nBRH:{taken}")?;
     for (line, count) in &file.lines {
         writeln!(out, "DA:{line},{count}")?;
     }
-    let run = file.lines.values().filter(|count| **count > 0).count();
-    writeln!(out, "LF:{}\nLH:{run}\nend_of_record", file.lines.len())
+    writeln!(out, "LF:{lines}\nLH:{run}\nend_of_record")
 }

@@ -59,6 +59,23 @@ fn add(sum: &mut u64, count: u64) {
     *sum = sum.saturating_add(count);
 }
 
+/// Lines that ran, and all; ways of branches that were taken, and all.
+fn sum<'f>(files: impl Iterator<Item = &'f FileCoverage> + Clone) -> [[usize; 2]; 2] {
+    let lines = files.clone().flat_map(|file| file.lines.values());
+    let ways = files.flat_map(|file| file.branches.values());
+    [
+        [lines.clone().filter(|count| **count > 0).count(), lines.count()],
+        [ways.clone().filter(|taken| taken.is_some_and(|taken| taken > 0)).count(), ways.count()],
+    ]
+}
+
+impl FileCoverage {
+    /// As [`Coverage::totals`], of one file.
+    pub fn totals(&self) -> [[usize; 2]; 2] {
+        sum(std::iter::once(self))
+    }
+}
+
 impl Coverage {
     /// Adds what another part of the suite has covered.
     pub fn add(&mut self, other: Self) {
@@ -84,11 +101,6 @@ impl Coverage {
 
     /// Lines that ran, and all; ways of branches that were taken, and all.
     pub fn totals(&self) -> [[usize; 2]; 2] {
-        let lines = self.files.values().flat_map(|file| file.lines.values());
-        let ways = self.files.values().flat_map(|file| file.branches.values());
-        [
-            [lines.clone().filter(|count| **count > 0).count(), lines.count()],
-            [ways.clone().filter(|taken| taken.is_some_and(|taken| taken > 0)).count(), ways.count()],
-        ]
+        sum(self.files.values())
     }
 }

@@ -63,7 +63,7 @@ pub struct HeatMap<'a> {
     pub values: &'a [f64],
     /// The number of the last colour.
     pub top: f64,
-    /// How numbers become places between the colours.
+    /// The mapping of numbers to places on the colour bar.
     pub scale: HeatScale,
     /// The colours.
     pub palette: Palette,

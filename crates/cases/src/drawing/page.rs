@@ -71,7 +71,7 @@ pub struct PageLayer {
     pub facts: Vec<String>,
     /// The pixels with the greatest numbers, and these.
     pub worst: Vec<([u32; 2], f64)>,
-    /// How many more have the last of these numbers.
+    /// The number of other pixels with the same number as the last one.
     pub ties: usize,
     png: String,
     /// Colours from the first to the last.

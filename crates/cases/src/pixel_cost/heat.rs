@@ -132,28 +132,32 @@ impl Heat {
         })
     }
 
-    /// The pixels with the greatest numbers above 0, at most so many, and how many more pixels have
-    /// the last of these numbers: of equal ones those listed are spread over the picture.
+    /// As [`worst_pixels`].
     pub fn worst(&self, most: usize) -> (Vec<([u32; 2], f64)>, usize) {
-        let mut order: Vec<usize> = (0..self.values.len()).filter(|&at| self.values[at] > 0.0).collect();
-        let by_value = |one: &usize, other: &usize| {
-            self.values[*other].total_cmp(&self.values[*one]).then(one.cmp(other))
-        };
-        let mut ties = 0;
-        if order.len() > most {
-            let (_, &mut last, _) = order.select_nth_unstable_by(most.saturating_sub(1), by_value);
-            let least = self.values[last];
-            let equal: Vec<usize> = (0..self.values.len()).filter(|&at| self.values[at] == least).collect();
-            order.retain(|&at| self.values[at] > least);
-            let left = most - order.len();
-            ties = equal.len() - left;
-            order.extend((0..left).map(|at| equal[(2 * at + 1) * equal.len() / (2 * left)]));
-        }
-        order.sort_unstable_by(by_value);
-        let width = self.extent[0].max(1) as usize;
-        let pixel = |at: usize| ([(at % width) as u32, (at / width) as u32], self.values[at]);
-        (order.into_iter().map(pixel).collect(), ties)
+        worst_pixels(self.extent, &self.values, most)
     }
+}
+
+/// Returns the pixels with the greatest numbers above 0, at most `most`, and how many other pixels
+/// have the same number as the last one. Of pixels with this number, those in the list are spread
+/// over the picture.
+pub fn worst_pixels(extent: [u32; 2], values: &[f64], most: usize) -> (Vec<([u32; 2], f64)>, usize) {
+    let mut order: Vec<usize> = (0..values.len()).filter(|&at| values[at] > 0.0).collect();
+    let by_value = |one: &usize, other: &usize| values[*other].total_cmp(&values[*one]).then(one.cmp(other));
+    let mut ties = 0;
+    if order.len() > most {
+        let (_, &mut last, _) = order.select_nth_unstable_by(most.saturating_sub(1), by_value);
+        let least = values[last];
+        let equal: Vec<usize> = (0..values.len()).filter(|&at| values[at] == least).collect();
+        order.retain(|&at| values[at] > least);
+        let left = most - order.len();
+        ties = equal.len() - left;
+        order.extend((0..left).map(|at| equal[(2 * at + 1) * equal.len() / (2 * left)]));
+    }
+    order.sort_unstable_by(by_value);
+    let width = extent[0].max(1) as usize;
+    let pixel = |at: usize| ([(at % width) as u32, (at / width) as u32], values[at]);
+    (order.into_iter().map(pixel).collect(), ties)
 }
 
 #[cfg(test)]
@@ -179,6 +183,7 @@ mod tests {
         let six = heat(&[1.0, 7.0, 0.0, 7.0, 9.0, 7.0]);
         // Of three equal ones two: the first and the third.
         assert_eq!(six.worst(3), (vec![([1, 1], 9.0), ([1, 0], 7.0), ([2, 1], 7.0)], 1));
+        assert_eq!(six.worst(0).0, []);
         assert_eq!(six.worst(10).0.len(), 5, "a pixel that costs nothing is not among the worst");
         // Of nine equal ones three: the second, fifth and eighth.
         let nine = Heat { extent: [3, 3], values: vec![4.0; 9], ..six };

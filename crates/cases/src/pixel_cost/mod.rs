@@ -16,7 +16,7 @@ mod heat;
 pub mod profile;
 
 pub use call_tree::CallTree;
-pub use heat::{Heat, HeatMeasure};
+pub use heat::{Heat, HeatMeasure, worst_pixels};
 
 use std::borrow::Cow;
 

@@ -480,7 +480,7 @@ impl<'a> Filler<'a> {
                 }
                 // A column may be as long as a buffer, and there may be as many on each other.
                 self.parts -= 1;
-                let place = match layout.matrix().filter(|_| layout.rules == Rules::Explicit) {
+                let place = match layout.matrix.filter(|_| layout.rules == Rules::Explicit) {
                     Some(matrix) if matrix.row_major => {
                         row.saturating_mul(matrix.stride as usize).saturating_add(at * scalar)
                     }

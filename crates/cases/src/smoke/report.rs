@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use serde::Serialize;
 
-use anyhit_base::error::{Error, ErrorReport, Place};
+use anyhit_base::error::{Error, ErrorReport};
 use anyhit_base::sorted::SortedSet;
 use anyhit_sanitize::Findings;
 
@@ -191,15 +191,8 @@ pub struct SmokeTrap {
 
 impl SmokeTrap {
     pub(super) fn of(error: &Error, word: u32) -> Self {
-        let line = error.places().find_map(|(place, _)| match place {
-            Place::Text { file, text, span } => {
-                let before = text.get(..span.start).unwrap_or(text);
-                Some((file.clone(), before.matches('\n').count() as u32 + 1))
-            }
-            Place::Line { file, line, .. } => Some((file.clone(), *line)),
-            _ => None,
-        });
-        let (file, line) = line.unzip();
+        let (file, line) = error.places().find_map(|(place, _)| place.file_line()).unzip();
+        let file = file.map(str::to_owned);
         Self { rule: error.message().to_owned(), file, line, word, error: ErrorReport::of(error) }
     }
 }

@@ -3,23 +3,24 @@
 use serde_json::{Value, json};
 
 use crate::shares::fingerprint;
-use crate::suite::{SuiteResult, TestResult};
+use crate::suite::{Problem, SuiteResult, TestResult};
 use anyhit_base::error::ErrorClass;
 use anyhit_base::escape;
 use anyhit_base::sorted::SortedMap;
 use anyhit_sanitize::{FindingRecord, Level, formats};
 
-/// The tests that did not pass, each with its rule's name. Those that findings fail are left out:
-/// their findings are listed.
-fn failed(result: &SuiteResult) -> impl Iterator<Item = (&TestResult, &'static str)> {
-    result.tests.iter().filter(|test| test.problem.is_some()).filter_map(|test| {
+/// The tests that did not pass, each with its problem and the name of its rule. Excludes tests that
+/// failed because of findings, which are listed separately.
+fn failed(result: &SuiteResult) -> impl Iterator<Item = (&TestResult, &Problem, &'static str)> {
+    result.tests.iter().filter_map(|test| {
+        let problem = test.problem.as_ref()?;
         let rule = match test.class? {
             ErrorClass::Finding => return None,
             ErrorClass::Expectation => "test-failed",
             ErrorClass::Trap => "test-trapped",
             ErrorClass::Unsupported | ErrorClass::Limit | ErrorClass::Other => "test-error",
         };
-        Some((test, rule))
+        Some((test, problem, rule))
     })
 }
 
@@ -47,8 +48,7 @@ pub fn gitlab(result: &SuiteResult) -> Value {
         })
     };
     let mut issues = Vec::new();
-    for (test, rule) in failed(result) {
-        let Some(problem) = &test.problem else { continue };
+    for (test, problem, rule) in failed(result) {
         let severity = if rule == "test-failed" { "major" } else { "critical" };
         issues.push(issue(rule, &description(test), severity, &problem.path, problem.line.into()));
     }
@@ -75,14 +75,12 @@ pub fn sarif(result: &SuiteResult) -> String {
             "defaultConfiguration": { "level": "error" },
         })
     });
-    let results = failed(result).map(|(test, rule)| {
-        let locations =
-            test.problem.iter().map(|problem| formats::location(&problem.path, problem.line.into()));
+    let results = failed(result).map(|(test, problem, rule)| {
         json!({
             "ruleId": rule,
             "level": "error",
             "message": { "text": description(test) },
-            "locations": locations.collect::<Vec<_>>(),
+            "locations": [formats::location(&problem.path, problem.line.into())],
         })
     });
     let records: Vec<FindingRecord> =

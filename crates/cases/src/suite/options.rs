@@ -36,7 +36,7 @@ pub struct SuiteOptions {
     /// The seeds for each of which every launch that passes runs once more with drawn choices, and
     /// fails where a finding is denied; the levels of rules go over those of each scene.
     pub many_seeds: Option<ManySeeds>,
-    /// A baseline of findings, which are known: they are not told, and fail nothing.
+    /// A baseline of findings, which are known: they are not reported, and fail nothing.
     pub known: Option<String>,
     /// Whether denied findings fail nothing, as they become a baseline.
     pub becomes_baseline: bool,

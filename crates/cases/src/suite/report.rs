@@ -155,8 +155,8 @@ pub fn coverage(coverage: &Coverage) -> String {
     out
 }
 
-/// Where a test did not pass: the line of the shader that is to blame, or of the scene file. Other
-/// tools look for files from the repository's root, wherever the command runs.
+/// The report of a test that did not pass, at the line of the shader that caused it or else of the
+/// scene file. `tree` is the repository, from whose root other tools look for files.
 pub(super) fn problem(finished: &Finished, tree: &SourceTree) -> Option<Problem> {
     let (errors, line): (&[Error], _) = match &finished.outcome {
         Outcome::Failed(failure) => (&failure.errors, failure.line.as_ref()),
@@ -191,13 +191,8 @@ pub fn github(test: &TestResult) -> Option<String> {
 /// File and line of an error.
 fn place(error: &Error) -> Option<(String, u32)> {
     error.places().find_map(|(place, _)| match place {
-        Place::Text { file, text, span } => {
-            let before = text.get(..span.start).unwrap_or(text);
-            Some((file.clone(), before.matches('\n').count() as u32 + 1))
-        }
-        Place::Line { file, line, .. } => Some((file.clone(), *line)),
         Place::File(path) => Some((escape::path(&path).to_string(), 1)),
-        _ => None,
+        place => place.file_line().map(|(file, line)| (file.to_owned(), line)),
     })
 }
 
@@ -233,11 +228,9 @@ pub fn json(result: &SuiteResult) -> Value {
     all
 }
 
-/// A test as an object of the suite's JSON. Paths are those from the current folder, without `..`
-/// where the file is beneath it.
-pub(super) fn test_json(finished: &Finished) -> Value {
-    let tree = SourceTree::of_current_folder();
-    let path_of = |file: &str| tree.path_of(file, Some(&finished.file));
+/// A test as an object of the suite's JSON, with paths from the current folder `here`.
+pub(super) fn test_json(finished: &Finished, here: &SourceTree) -> Value {
+    let path_of = |file: &str| here.path_of(file, Some(&finished.file));
     let mut test = json!({
         "name": finished.name,
         "file": path_of(&escape::path(&finished.file).to_string()),
@@ -245,7 +238,7 @@ pub(super) fn test_json(finished: &Finished) -> Value {
     });
     let error = |error: &Error| {
         let place = place(error).map(|(file, line)| json!({ "file": path_of(&file), "line": line }));
-        let mut told = json!({
+        let mut report = json!({
             "message": error.message(),
             "class": error.class().name(),
             "at": place,
@@ -253,9 +246,9 @@ pub(super) fn test_json(finished: &Finished) -> Value {
             "report": error.render(),
         });
         if let Some(trap) = error.trap() {
-            told["trap"] = json!(trap);
+            report["trap"] = json!(trap);
         }
-        told
+        report
     };
     match &finished.outcome {
         Outcome::Failed(failure) => {

@@ -41,7 +41,8 @@ impl Suite {
         let coverage = options.coverage.then(Coverage::default);
         let mut result = SuiteResult { coverage, ..SuiteResult::default() };
         let mut fixes = Vec::new();
-        let (stop, tree) = (AtomicBool::new(false), &options.repository);
+        let stop = AtomicBool::new(false);
+        let (tree, here) = (&options.repository, SourceTree::of_current_folder());
         let mut take = |done: Done| -> Result<()> {
             let kept = KeptFinding::all(&done.findings, tree, &done.file);
             if !(done.notes.is_empty() && kept.is_empty()) {
@@ -56,7 +57,7 @@ impl Suite {
                     findings: KeptFinding::all(&ran.findings, tree, &done.file),
                     shadow: ran.shadow,
                     held_stable: ran.held_stable,
-                    ..result_of(ran.place, &ran.finished, tree)
+                    ..result_of(ran.place, &ran.finished, tree, &here)
                 };
                 tell(&ran.finished, &told)?;
                 if matches!(told.ended, Ended::Failed | Ended::Error) && options.fail_fast {
@@ -231,18 +232,18 @@ struct TestRun {
     coverage: Option<Coverage>,
 }
 
-/// The result of a test that stands at a place of the suite. Annotations name files from a tree.
-fn result_of(place: usize, finished: &Finished, tree: &SourceTree) -> TestResult {
+/// The result of the test at a place of the suite. Annotations name files from the root of `tree`,
+/// the JSON from the current folder `here`.
+fn result_of(place: usize, finished: &Finished, tree: &SourceTree, here: &SourceTree) -> TestResult {
     let (message, class) = match &finished.outcome {
         Outcome::Passed | Outcome::Renewed => (None, None),
         Outcome::KnownFailure(why) => (Some(why.clone()), None),
         Outcome::Failed(failure) => {
             let message = failure.errors.first().map_or("not as expected", |error| error.message());
-            // A recorded file that is missing is an expectation, too.
+            // A missing recorded file counts as a failed expectation.
             let classes = failure.errors.iter().map(Error::class);
-            let told = classes.filter(|class| matches!(class, ErrorClass::Trap | ErrorClass::Finding));
-            let class = told.max_by_key(|class| class.severity()).unwrap_or(ErrorClass::Expectation);
-            (Some(message.to_owned()), Some(class))
+            let severe = classes.filter(|class| matches!(class, ErrorClass::Trap | ErrorClass::Finding));
+            (Some(message.to_owned()), Some(severe.max().unwrap_or(ErrorClass::Expectation)))
         }
         Outcome::Broken(error) => (Some(error.message().to_owned()), Some(error.class())),
     };
@@ -256,7 +257,7 @@ fn result_of(place: usize, finished: &Finished, tree: &SourceTree) -> TestResult
         class,
         text: report::text(finished, false),
         problem: report::problem(finished, tree),
-        json: report::test_json(finished),
+        json: report::test_json(finished, here),
         microseconds: u64::try_from(finished.took.as_micros()).unwrap_or(u64::MAX),
         findings: Vec::new(),
         shadow: None,

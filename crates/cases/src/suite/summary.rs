@@ -14,12 +14,12 @@ const MOST_CHARACTERS: usize = 300;
 pub fn summary(result: &SuiteResult) -> String {
     let totals = report::summary(result);
     let mut out = format!("### anyhit: {}\n", markdown(totals.lines().next().unwrap_or_default()));
-    let failed: Vec<_> = result.tests.iter().filter(|test| test.problem.is_some()).collect();
+    let failed: Vec<_> =
+        result.tests.iter().filter_map(|test| Some((test, test.problem.as_ref()?))).collect();
     if !failed.is_empty() {
         out += "\n| test | result | place | message |\n|---|---|---|---|\n";
     }
-    for test in failed.iter().take(MOST) {
-        let Some(problem) = &test.problem else { continue };
+    for (test, problem) in failed.iter().take(MOST) {
         let word = if test.ended == Ended::Error { "error" } else { "failed" };
         let message: String =
             test.message.as_deref().unwrap_or_default().chars().take(MOST_CHARACTERS).collect();
@@ -38,7 +38,7 @@ pub fn summary(result: &SuiteResult) -> String {
     }
     let pictures: Vec<&str> = failed
         .iter()
-        .flat_map(|test| test.json["pictures"].as_array().into_iter().flatten())
+        .flat_map(|(test, _)| test.json["pictures"].as_array().into_iter().flatten())
         .filter_map(|path| path.as_str()?.rsplit(['/', '\\']).next())
         .collect();
     if !pictures.is_empty() {

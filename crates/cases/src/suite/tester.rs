@@ -453,15 +453,5 @@ fn place(error: &Error) -> Option<TranscriptLine> {
     if error.kind() != ErrorKind::Trap {
         return None;
     }
-    error.places().find_map(|(place, _)| match place {
-        Place::Line { file, line, .. } => {
-            Some(TranscriptLine { file: file.clone(), line: *line, text: None })
-        }
-        Place::Text { file, text, span } => Some(TranscriptLine {
-            file: file.clone(),
-            line: text[..span.start].matches('\n').count() as u32 + 1,
-            text: text.get(span.clone()).map(str::to_owned),
-        }),
-        _ => None,
-    })
+    error.places().find_map(|(place, _)| TranscriptLine::of(place))
 }

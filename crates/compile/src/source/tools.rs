@@ -13,10 +13,10 @@ impl Source {
     }
 
     /// The folders of [`Source::include_folders`] for an external tool, which runs in the source's
-    /// folder. For a text in memory, which is written to a temporary folder, they are absolute and
-    /// include the current one.
-    pub(crate) fn external_include_folders(&self) -> Result<Vec<PathBuf>> {
-        if self.is_file() {
+    /// folder. For a text that it reads from a temporary folder, they are absolute and include the
+    /// source's own.
+    pub(crate) fn external_include_folders(&self, is_temporary: bool) -> Result<Vec<PathBuf>> {
+        if !is_temporary {
             return Ok(self.include_folders.clone());
         }
         let current = std::env::current_dir().map_err(|error| Error::io(".", error))?;
@@ -26,9 +26,10 @@ impl Source {
             .collect())
     }
 
-    /// True if the text is that of a file now, which an external tool can open. The file may have
-    /// changed since it was read, and a host may have replaced its text.
-    pub(crate) fn is_file(&self) -> bool {
+    /// Reads the source's file and returns true if the text is its content, so that an external
+    /// tool can open it. The file may have changed since it was read, and a host may have replaced
+    /// its text.
+    pub(crate) fn has_unchanged_file(&self) -> bool {
         let path = self.folder.join(&self.name);
         let has_length = |data: fs::Metadata| data.is_file() && data.len() == self.text.len() as u64;
         self.is_file
@@ -36,12 +37,8 @@ impl Source {
             && fs::read(&path).is_ok_and(|bytes| bytes == self.text.as_bytes())
     }
 
-    /// The path of the text from the folder in which an external tool runs. A text in memory lies
-    /// inside a temporary folder, whatever its name.
-    pub(crate) fn external_path(&self) -> PathBuf {
-        if self.is_file() {
-            return PathBuf::from(&self.name);
-        }
+    /// The path of the text below a temporary folder, whatever its name.
+    pub(crate) fn temporary_path(&self) -> PathBuf {
         let parts = Path::new(&self.name).components();
         let path: PathBuf = parts.filter(|part| matches!(part, Component::Normal(_))).collect();
         if path.as_os_str().is_empty() { PathBuf::from("source") } else { path }

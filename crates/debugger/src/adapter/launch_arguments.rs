@@ -96,7 +96,7 @@ pub(super) struct LaunchArguments {
     size: Option<[u32; 2]>,
     /// The precision of intersections.
     precision: Option<String>,
-    /// Whether it stops at its first line; it does not unless asked to.
+    /// True to stop at the first line; false by default.
     pub(super) stop_on_entry: bool,
     /// Whether it runs without stopping anywhere.
     pub(super) no_debug: bool,

@@ -376,9 +376,6 @@ impl VariablePlace {
     /// The reason why that is not known.
     pub fn child_count(&self, state: &dyn LaneState) -> Result<u64, String> {
         match self.module().ty(self.ty) {
-            Type::Struct { members, .. } => Ok(members.len() as u64),
-            Type::Vector { count, .. } | Type::Matrix { count, .. } => Ok((*count).into()),
-            Type::Array { length, .. } => Ok(array_length(self.module(), *length) as u64),
             Type::RuntimeArray { stride, .. } => match &self.storage {
                 PlaceStorage::Memory(memory) => {
                     let (_, range) = memory.base.buffer(state)?;
@@ -401,7 +398,7 @@ impl VariablePlace {
                 Ok(pointee) => pointee.child_count(state).map(|count| count.max(1)),
                 Err(_) => Ok(0),
             },
-            _ => Ok(0),
+            _ => Ok(self.context.packed(self.ty).child_count() as u64),
         }
     }
 

@@ -410,14 +410,9 @@ pub fn with_location(program: &Program, op: OpIndex, error: Error, label: &str) 
     error
 }
 
+/// `FILE:LINE`; nothing for a place that is in no text.
 fn file_and_line(place: &Place) -> String {
-    match place {
-        Place::Line { file, line, .. } => format!("{file}:{line}"),
-        Place::Text { file, text, span } => {
-            format!("{file}:{}", text[..span.start].matches('\n').count() + 1)
-        }
-        _ => String::new(),
-    }
+    place.file_line().map_or_else(String::new, |(file, line)| format!("{file}:{line}"))
 }
 
 /// ` at FILE:LINE` or ` near FILE:LINE`, for an operation.

@@ -37,7 +37,10 @@ impl Program {
             edges.max_by_key(|&(turns, to, from)| (turns.count > 1, from.0 - to.0, turns.count))?;
         let header = self.origins.get(self.terminator_index(to).index())?.offset;
         let line = match (self.place_at(header), self.place_near(header)) {
-            (Some(place), _) | (None, Some(place)) => format!("the loop at {}", place_words(&place)),
+            (Some(place), _) | (None, Some(place)) => {
+                let line = place.file_line().map(|(file, line)| format!("{file}:{line}"));
+                format!("the loop at {}", line.unwrap_or_default())
+            }
             (None, None) => format!("the loop at word {header} of the module"),
         };
         let known = self.known_variables(to, from);
@@ -166,17 +169,6 @@ fn each_register(op: &Op, only_written: bool, visit: &mut dyn FnMut(Reg)) {
         }
         _ => {}
     });
-}
-
-fn place_words(place: &anyhit_base::error::Place) -> String {
-    use anyhit_base::error::Place;
-    match place {
-        Place::Line { file, line, .. } => format!("{file}:{line}"),
-        Place::Text { file, text, span } => {
-            format!("{file}:{}", text[..span.start].matches('\n').count() + 1)
-        }
-        _ => String::new(),
-    }
 }
 
 /// A value as it is written in a source.

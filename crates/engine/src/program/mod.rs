@@ -48,6 +48,7 @@ use crate::ops::{ray_rules, superop};
 use crate::program::payload::Payloads;
 use crate::program::race_analysis::MemoryAccess;
 use crate::reflect::{Layout, Rules};
+use anyhit_base::error::names::nearest;
 use anyhit_base::error::{Error, ErrorKind, Result};
 
 pub use copy_propagation::for_each_terminator_read;
@@ -299,8 +300,12 @@ impl Program {
             true => ("the module has no entry point", module.entry_points.iter().collect()),
             false => ("the module has several entry points", named),
         };
-        let error = Error::new(ErrorKind::InvalidArgument, format!("{message} `{entry}`"));
-        Err(error.note(format!("entry points: {}", list(&entries))))
+        let error = Error::new(ErrorKind::InvalidArgument, format!("{message} `{entry}`"))
+            .note(format!("entry points: {}", list(&entries)));
+        Err(match nearest(entry, module.entry_points.iter().map(|known| known.name.as_str())) {
+            Some(near) if near != entry => error.note(format!("did you mean `{near}`?")),
+            _ => error,
+        })
     }
 
     /// Lowers the entry point with a stage and a name.

@@ -70,25 +70,17 @@ impl<'a> Layout<'a> {
                 Some(layout) => spread(*count as usize, layout.stride as usize, self.part(*column).size()),
                 None => self.part(*column).size().saturating_mul(*count as usize),
             },
-            Type::Array { element, length, stride } => {
-                let length = array_length(self.module, *length);
-                let element = self.part(*element).size();
-                match stride.filter(|_| self.explicit()) {
-                    Some(_) if length == 0 => 0,
-                    Some(stride) => spread(length, stride as usize, element),
-                    None => length.saturating_mul(element),
-                }
-            }
-            Type::Struct { members, .. } if self.explicit() => {
-                let ends = (0..members.len()).map(|at| {
-                    let (offset, member) = self.member(at);
-                    member.size().saturating_add(offset)
-                });
-                ends.max().unwrap_or(0)
-            }
-            Type::Struct { members, .. } => {
+            Type::Array { element, length, .. } => match array_length(self.module, *length) {
+                0 => 0,
+                length => spread(length, self.stride(), self.part(*element).size()),
+            },
+            Type::Struct { members, .. } if !self.explicit() => {
                 let sizes = members.iter().map(|member| self.part(member.ty).size());
                 sizes.fold(0, usize::saturating_add)
+            }
+            Type::Struct { .. } => {
+                let ends = self.members().map(|(offset, member)| member.size().saturating_add(offset));
+                ends.max().unwrap_or(0)
             }
             // Pointers in buffers are device addresses; other pointers and handles have registers.
             Type::Pointer { .. } if self.explicit() => 8,
@@ -145,10 +137,7 @@ impl<'a> Layout<'a> {
         match *self.module.ty(self.ty) {
             Type::Pointer { storage_class, .. } => storage_class == storage::PHYSICAL_STORAGE_BUFFER,
             Type::Struct { .. } => self.members().any(|(_, part)| part.has_addresses()),
-            Type::Array { element, .. } | Type::RuntimeArray { element, .. } => {
-                self.part(element).has_addresses()
-            }
-            _ => false,
+            _ => self.element().is_some_and(|(element, _)| element.has_addresses()),
         }
     }
 
@@ -166,20 +155,26 @@ impl<'a> Layout<'a> {
     /// Offset and layout of the part at an index: a member, an element, a column, a component. A
     /// runtime array has them at every index.
     pub fn child(self, at: usize) -> Option<(usize, Self)> {
-        match *self.module.ty(self.ty) {
-            Type::RuntimeArray { element, .. } => {
-                Some((at.saturating_mul(self.stride()), self.part(element)))
+        match (self.module.ty(self.ty), self.element()) {
+            (_, Some((element, length))) => {
+                let exists = length.is_none_or(|length| at < length);
+                exists.then(|| (at.saturating_mul(self.stride()), element))
             }
-            _ if at >= self.child_count() => None,
-            Type::Struct { .. } => Some(self.member(at)),
-            Type::Array { element, .. } => Some((at.saturating_mul(self.stride()), self.part(element))),
+            (Type::Struct { members, .. }, _) => (at < members.len()).then(|| self.member(at)),
             _ => self.parts().get(at).copied(),
         }
     }
 
-    /// How the matrices of the member around lie.
-    pub fn matrix(self) -> Option<MatrixLayout> {
-        self.matrix
+    /// Layout of the elements of an array, and their number, which a runtime array does not have;
+    /// `None` for other types.
+    pub fn element(self) -> Option<(Self, Option<usize>)> {
+        match *self.module.ty(self.ty) {
+            Type::Array { element, length, .. } => {
+                Some((self.part(element), Some(array_length(self.module, length))))
+            }
+            Type::RuntimeArray { element, .. } => Some((self.part(element), None)),
+            _ => None,
+        }
     }
 
     /// Bytes between the elements of an array; 0 for what is none.
@@ -300,12 +295,11 @@ impl<'a> Layout<'a> {
                 Some(layout) => row(*count as usize, layout.stride as usize, self.part(*column)),
                 None => row(*count as usize, self.part(*column).size(), self.part(*column)),
             },
-            Type::Array { element, length, stride } => {
-                let part = Self { ty: *element, ..self };
+            Type::Array { element, length, .. } => {
+                let part = self.part(*element);
                 let length = array_length(self.module, *length);
-                let stride = stride.filter(|_| self.explicit()).map_or(part.size(), |stride| stride as usize);
                 // Elements without bytes have no scalars, however many there are.
-                row(if part.size() == 0 { 0 } else { length }, stride, part)
+                row(if part.size() == 0 { 0 } else { length }, self.stride(), part)
             }
             _ => Vec::new(),
         }

@@ -1,11 +1,13 @@
 //! Paths of names to the parts of a type, and the part that a byte belongs to.
 
 use crate::module::ty::{MatrixLayout, Type};
-use crate::ops::translate::array_length;
 use crate::reflect::layout::Layout;
 
 /// Fields of a layout that an error shows.
 const SHOWN: usize = 24;
+
+/// Names of the first components of a vector.
+const COMPONENTS: [&str; 4] = ["x", "y", "z", "w"];
 
 /// A scalar or vector in memory.
 #[derive(Clone, Debug)]
@@ -81,7 +83,7 @@ impl<'a> Layout<'a> {
     /// Offset and layout of a component of a vector by its name, `x` to `w`.
     fn component_named(self, name: &str) -> Option<(usize, Self)> {
         let Type::Vector { .. } = self.module.ty(self.ty) else { return None };
-        let index = ["x", "y", "z", "w"].iter().position(|known| *known == name)?;
+        let index = COMPONENTS.iter().position(|known| *known == name)?;
         self.parts().get(index).copied()
     }
 
@@ -125,16 +127,12 @@ impl<'a> Layout<'a> {
 
     /// Returns the scalar that holds a byte. Members may share their bytes: the first one counts.
     pub fn scalar_at(self, at: usize) -> ScalarSearch<'a> {
-        match *self.module.ty(self.ty) {
-            Type::Struct { .. } => first_scalar(self.members(), at),
-            Type::Array { element, .. } | Type::RuntimeArray { element, .. } => {
-                let stride = self.stride();
-                let length = match *self.module.ty(self.ty) {
-                    Type::Array { length, .. } => array_length(self.module, length),
-                    _ => usize::MAX,
-                };
+        match (self.module.ty(self.ty), self.element()) {
+            (Type::Struct { .. }, _) => first_scalar(self.members(), at),
+            (_, Some((element, length))) => {
+                let (stride, length) = (self.stride(), length.unwrap_or(usize::MAX));
                 match at.checked_div(stride) {
-                    Some(index) if index < length => match self.part(element).scalar_at(at % stride) {
+                    Some(index) if index < length => match element.scalar_at(at % stride) {
                         ScalarSearch::Scalar(found, start) => {
                             ScalarSearch::Scalar(found, index * stride + start)
                         }
@@ -209,9 +207,8 @@ impl<'a> Layout<'a> {
         }
         if let Type::Vector { .. } = layout.module.ty(layout.ty) {
             let at = within.checked_div(layout.scalar(layout.ty).size() as u64)? as usize;
-            path += &["x", "y", "z", "w"]
-                .get(at)
-                .map_or_else(|| format!("[{at}]"), |component| format!(".{component}"));
+            path +=
+                &COMPONENTS.get(at).map_or_else(|| format!("[{at}]"), |component| format!(".{component}"));
         }
         Some(path)
     }

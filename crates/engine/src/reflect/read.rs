@@ -194,20 +194,16 @@ impl Layout<'_> {
                     part.collect_addresses(bytes.get(offset..).unwrap_or_default(), budget, found);
                 }
             }
-            Type::Array { element, .. } | Type::RuntimeArray { element, .. } => {
-                let part = self.part(element);
-                let count = match *self.module.ty(self.ty) {
-                    Type::Array { length, .. } => array_length(self.module, length),
-                    _ => usize::MAX,
-                };
-                for element in bytes.chunks(self.stride().max(1)).take(count) {
+            _ => {
+                let Some((part, length)) = self.element() else { return };
+                let elements = bytes.chunks(self.stride().max(1));
+                for element in elements.take(length.unwrap_or(usize::MAX)) {
                     if *budget == 0 {
                         break;
                     }
                     part.collect_addresses(element, budget, found);
                 }
             }
-            _ => {}
         }
     }
 }

@@ -92,9 +92,9 @@ fn rows(layout: Layout<'_>, path: &str, offset: usize, out: &mut Vec<MemberRow>)
         if out.len() == ROWS {
             return;
         }
-        let row_major = part.matrix().is_some_and(|matrix| matrix.row_major);
+        let row_major = part.matrix.is_some_and(|matrix| matrix.row_major);
         let stride = match layout.module.ty(part.ty) {
-            Type::Matrix { .. } => part.matrix().map(|matrix| matrix.stride as usize),
+            Type::Matrix { .. } => part.matrix.map(|matrix| matrix.stride as usize),
             _ => Some(part.stride()).filter(|stride| *stride > 0),
         };
         let ty = layout.module.describe_type(part.ty);

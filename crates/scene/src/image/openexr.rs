@@ -17,6 +17,8 @@ use anyhit_engine::machine::format::Format;
 /// The header of a file, and the channels that its texels are made of.
 struct ExrFile {
     header: Header,
+    /// The stored texels with all of their channels, which the decoder holds.
+    stored: Header,
     channels: Channels,
     /// The place of the stored texels within the picture.
     offset: [i64; 2],
@@ -104,16 +106,18 @@ impl ExrFile {
         let channels = Channels::of(&part.channels.list)?;
         let window = part.shared_attributes.display_window;
         let side = |side: usize| u32::try_from(side).unwrap_or(u32::MAX);
-        let header = Header {
-            extent: [side(window.size.width()), side(window.size.height())],
-            channels: channels.count(),
+        let header = |size: Vec2<usize>, channels| Header {
+            extent: [side(size.width()), side(size.height())],
+            channels,
             width: 4,
             plausible: u64::MAX,
             copies: 1,
         };
+        let stored = header(part.layer_size, part.channels.list.len());
+        let header = header(window.size, channels.count());
         let (own, shown) = (part.own_attributes.layer_position, window.position);
         let offset = [i64::from(own.x()) - i64::from(shown.x()), i64::from(own.y()) - i64::from(shown.y())];
-        Ok(Self { header, channels, offset })
+        Ok(Self { header, stored, channels, offset })
     }
 }
 
@@ -128,8 +132,9 @@ pub(super) fn decode(bytes: &[u8], wanted: Option<Format>, limits: &InputLimits)
 }
 
 fn decode_window(bytes: &[u8], wanted: Option<Format>, limits: &InputLimits) -> Result<Decoded> {
-    let ExrFile { header, channels, offset } = ExrFile::new(bytes)?;
+    let ExrFile { header, stored, channels, offset } = ExrFile::new(bytes)?;
     header.check(bytes.len() as u64, wanted, limits)?;
+    stored.check(bytes.len() as u64, None, limits)?;
     let count = channels.count();
     let [width, height] = header.extent.map(|side| side as usize);
     let Channels { color, alpha } = channels;
@@ -289,6 +294,14 @@ mod tests {
         assert_eq!(opaque, [[0., 0., 0., 1.], [3., 3., 3., 1.], [0., 0., 0., 1.], [0., 0., 0., 1.]]);
         let clear = texels(&file(&[("A", &[1.0; 4]), ("Y", numbers)], data, display, 1)).unwrap();
         assert_eq!(clear, [[0.; 4], [3., 3., 3., 1.], [0.; 4], [0.; 4]]);
+    }
+
+    /// The decoder allocates a row of the data window.
+    #[test]
+    fn the_data_window_is_within_the_limits() {
+        let numbers = vec![1.0; 40_000];
+        let error = texels(&file(&[("Y", &numbers)], [[0, 0], [39_999, 0]], WINDOW, 1)).unwrap_err();
+        assert!(error.render().contains("image-side"), "{error}");
     }
 
     #[test]

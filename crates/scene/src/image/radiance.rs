@@ -18,7 +18,7 @@ pub(super) struct Radiance<'a> {
     rows: &'a [u8],
 }
 
-/// The widths whose rows may stand in runs.
+/// The widths of rows that may be run-length encoded.
 const RUN_WIDTHS: std::ops::RangeInclusive<usize> = 8..=0x7fff;
 
 impl<'a> Radiance<'a> {

@@ -15,6 +15,7 @@ use crate::mesh::gltf::document::{ComponentType, Document, Mode, Primitive, Shap
 use crate::mesh::gltf::nodes::Walk;
 use crate::mesh::gltf::poses::{PosedMesh, Poses};
 use crate::mesh::gltf::unread::Ignored;
+use crate::mesh::invalid;
 use crate::mesh::listed::{AnimationTime, Listed, ListedPart, Numbers};
 use anyhit_base::error::{Error, ErrorKind, Place, Result};
 use anyhit_base::input::{InputLimit, InputLimits};
@@ -53,10 +54,6 @@ struct Counts {
     vertices: u64,
     triangles: u64,
     zeros: u64,
-}
-
-fn invalid(message: impl Into<String>) -> Error {
-    Error::new(ErrorKind::InvalidMesh, message)
 }
 
 /// The entry of a list of the document that `user`, a path in it, names.

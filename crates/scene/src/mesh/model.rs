@@ -2,7 +2,6 @@
 //! for.
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 use crate::files::Files;
 use crate::mesh::Mesh;
@@ -295,6 +294,3 @@ fn unique_names<'n>(given: impl Iterator<Item = Option<&'n str>> + Clone) -> Vec
     };
     given.enumerate().map(name).collect()
 }
-
-/// A model that several parts of a scene share.
-pub type SharedModel = Arc<Model>;

@@ -14,6 +14,7 @@ use std::path::{Path, PathBuf};
 
 use crate::files::Files;
 use crate::mesh::Mesh;
+use crate::mesh::invalid;
 use crate::mesh::listed::{Listed, ListedPart, ModelNode, Numbers};
 use crate::mesh::material::{Material, PictureSource, Texture, TextureSlot};
 use crate::mesh::obj::groups::{BrokenFile, Group};
@@ -65,10 +66,6 @@ fn numbers<'g>(group: &'g Group, name: &str) -> (&'g [f32], usize) {
 
 const ATTRIBUTES: [&str; 4] = ["position", "normal", "texcoord_0", "color_0"];
 
-fn invalid(message: impl Into<String>) -> Error {
-    Error::new(ErrorKind::InvalidMesh, message)
-}
-
 /// The bytes of a part, about, that a thread reads at once.
 const PART: usize = 1 << 18;
 
@@ -98,8 +95,10 @@ fn decode(path: &Path, bytes: &[u8], files: &dyn Files) -> Result<(Listed, ObjFi
     }
     if objects.is_empty() {
         let error = invalid("the file has no triangles");
-        let list = escape::into_line(unread.join("; "));
-        return Err(if list.is_empty() { error } else { error.note(format!("not read: {list}")) });
+        return Err(match &unread[..] {
+            [] => error,
+            unread => error.note(format!("not read: {}", unread.join("; "))),
+        });
     }
     let mut groups = Vec::new();
     let mut meshes = Vec::new();
@@ -154,12 +153,12 @@ fn error_of(path: &Path, text: &[u8], broken: BrokenFile) -> Error {
 fn place(path: &Path, text: &[u8], line: usize) -> Place {
     let text = text::text_of(text);
     let mut start = 0;
-    let lines = text.split_inclusive('\n').map(|line| {
+    let mut lines = text.split_inclusive('\n').map(|line| {
         let span = start..start + line.trim_end().len();
         start += line.len();
         span
     });
-    let span = { lines }.nth(line - 1).unwrap_or_default();
+    let span = lines.nth(line - 1).unwrap_or_default();
     Place::Text { file: escape::path(&path).to_string(), text: (*text).into(), span }
 }
 

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use crate::mesh::invalid;
 use anyhit_base::error::{Error, ErrorKind, Result};
 
 /// A URI (RFC 3986) that is read.
@@ -37,10 +38,6 @@ impl Uri {
 /// The path of a file that the file at `path` names.
 pub(super) fn sibling(path: &Path, name: &str) -> PathBuf {
     path.parent().unwrap_or(Path::new("")).join(name)
-}
-
-fn invalid(message: impl Into<String>) -> Error {
-    Error::new(ErrorKind::InvalidMesh, message)
 }
 
 /// The scheme of a URI and what follows its colon. A single letter is a drive of Windows.

@@ -20,7 +20,6 @@ use crate::mock::{Answer, CallableCall, ExecuteCall, TraceCall, in_turn};
 use crate::scalars::{NestedScalars, Scalars, builtin_words};
 use crate::shader_outcome::ReportedHit;
 use crate::struct_data::StructData;
-use anyhit_base::error::names::nearest;
 use anyhit_base::error::{Error, ErrorKind, Result};
 use anyhit_engine::accel::{RayFlags, TraceRay};
 use anyhit_engine::geometry::Ray;
@@ -93,12 +92,7 @@ impl ShaderTest {
     /// `InvalidArgument` where no entry point or several have the name, and what makes a module
     /// unusable.
     pub fn new(module: &Arc<Module>, entry: &str) -> Result<Self> {
-        let names = module.entry_points.iter().map(|known| known.name.as_str());
-        let program = Program::of(module, entry);
-        Self::of(program.map_err(|error| match nearest(entry, names) {
-            Some(near) if near != entry => error.note(format!("did you mean `{near}`?")),
-            _ => error,
-        })?)
+        Self::of(Program::of(module, entry)?)
     }
 
     /// The shader with a stage and an entry point's name, where several stages share the name.

@@ -228,26 +228,26 @@
     return input;
   };
   // The layer whose legend and worst pixels are shown.
-  let told = null;
+  let legendLayer = null;
   const show = (layer) => {
     const first = planes[0];
     first.image.src = layer ? layer.png : first.picture.png;
     first.image.alt = layer ? layer.title : first.picture.name;
     first.caption.textContent = layer ? layer.title : first.picture.name;
     // The legend of a picture of differences stays.
-    told = layer ?? (planes.length > 1 ? data.layers.at(-1) : null);
-    by("legend").hidden = !told;
-    by("worst").hidden = !told || told.worst.length === 0;
-    if (!told) return;
-    listWorst(told);
-    by("legend-title").textContent = told.title;
+    legendLayer = layer ?? (planes.length > 1 ? data.layers.at(-1) : null);
+    by("legend").hidden = !legendLayer;
+    by("worst").hidden = !legendLayer || legendLayer.worst.length === 0;
+    if (!legendLayer) return;
+    listWorst(legendLayer);
+    by("legend-title").textContent = legendLayer.title;
     const bar = by("bar");
-    bar.style.background = `linear-gradient(to right, ${told.legend.join(", ")})`;
-    const ticks = told.ticks.map(shown);
+    bar.style.background = `linear-gradient(to right, ${legendLayer.legend.join(", ")})`;
+    const ticks = legendLayer.ticks.map(shown);
     bar.setAttribute("aria-label", `colours from ${ticks[0]} to ${ticks[ticks.length - 1]}`);
     by("ticks").replaceChildren();
     ticks.forEach((tick) => add(by("ticks"), "span", tick));
-    list(by("legend-facts"), told.facts);
+    list(by("legend-facts"), legendLayer.facts);
   };
   const listWorst = (layer) => {
     const last = layer.worst.at(-1);
@@ -355,7 +355,7 @@
     }
     const rows = await rowsOf(x, y);
     if (own !== under) return;
-    const isShown = ([name]) => !data.layers.some((layer) => layer.title === name && layer !== told);
+    const isShown = ([name]) => !data.layers.some((layer) => layer.title === name && layer !== legendLayer);
     const values = rows.filter(isShown).map(([name, value]) => `${name} ${value}`);
     by("hover").textContent = [`${x},${y}`, ...values].join("  \u00b7  ");
   }

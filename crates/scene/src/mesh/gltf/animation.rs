@@ -98,18 +98,18 @@ impl SelectedAnimation {
             let Some(node) = target.node else { continue };
             let path = format!("{}.channels[{at}]", self.path);
             let own = get(&data.document.nodes, node, "nodes", &format!("{path}.target"))?;
-            let size = match target.path.as_str() {
-                "translation" | "scale" => 3,
-                "rotation" => 4,
-                "weights" => own.mesh.map_or(0, |mesh| data.targets(mesh)),
+            let (size, shape) = match target.path.as_str() {
+                "translation" | "scale" => (3, Shape::Vec3),
+                "rotation" => (4, Shape::Vec4),
+                "weights" => (own.mesh.map_or(0, |mesh| data.targets(mesh)), Shape::Scalar),
                 other => return Err(invalid(format!("`{path}.target.path` is `{other}`"))),
             };
             if size == 0 {
                 continue;
             }
             let name = format!("{}.samplers", self.path);
-            let value =
-                self.value(data, get(&self.content.samplers, *sampler, &name, &path)?, size, *sampler)?;
+            get(&self.content.samplers, *sampler, &name, &path)?;
+            let value = self.value(data, *sampler, shape, size)?;
             let value: Vec<f32> = value.into_iter().map(|x| x as f32).collect();
             let node = &mut data.document.nodes[node];
             match (target.path.as_str(), &value[..]) {
@@ -126,22 +126,19 @@ impl SelectedAnimation {
         Ok(())
     }
 
-    /// The value of a sampler of so many components.
-    fn value(&self, data: &Data, sampler: &Sampler, size: usize, at: usize) -> Result<Vec<f64>> {
-        use {ComponentType as T, Shape as S};
+    /// Returns the value of a sampler, of `size` components: several of the output's elements where
+    /// these are scalars. Those of four components are quaternions.
+    fn value(&self, data: &Data, at: usize, shape: Shape, size: usize) -> Result<Vec<f64>> {
+        use ComponentType as T;
+        let sampler = &self.content.samplers[at];
         let path = format!("{}.samplers[{at}]", self.path);
-        let numbers = |accessor: usize, key: &str, shapes: &[S], components: &[T]| {
-            let expected = Expected { shapes, components };
+        let numbers = |accessor: usize, key: &str, shape: Shape, components: &[T]| {
+            let expected = Expected { shapes: &[shape], components };
             let numbers = data.elements(accessor, &expected, &format!("{path}.{key}"))?.numbers();
             Ok::<_, Error>(numbers.values.into_iter().map(f64::from).collect::<Vec<_>>())
         };
-        let times = numbers(sampler.input, "input", &[S::Scalar], &[T::F32])?;
-        let shape = match size {
-            3 => [S::Vec3, S::Scalar],
-            4 => [S::Vec4, S::Scalar],
-            _ => [S::Scalar; 2],
-        };
-        let values = numbers(sampler.output, "output", &shape, &[T::F32, T::I8, T::U8, T::I16, T::U16])?;
+        let times = numbers(sampler.input, "input", Shape::Scalar, &[T::F32])?;
+        let values = numbers(sampler.output, "output", shape, &[T::F32, T::I8, T::U8, T::I16, T::U16])?;
         let is_cubic = sampler.interpolation == Interpolation::CubicSpline;
         let per_key = size * if is_cubic { 3 } else { 1 };
         if values.len() != per_key * times.len() {
@@ -163,7 +160,7 @@ impl SelectedAnimation {
         let mix = |[a, b]: [f64; 2]| one.iter().zip(&other).map(|(x, y)| a * x + b * y).collect::<Vec<_>>();
         Ok(match sampler.interpolation {
             Interpolation::Step => one,
-            Interpolation::Linear if size == 4 && shape[0] == S::Vec4 => {
+            Interpolation::Linear if shape == Shape::Vec4 => {
                 let cosine: f64 = one.iter().zip(&other).map(|(x, y)| x * y).sum();
                 normalized(mix(slerp_weights(cosine, t)))
             }
@@ -176,7 +173,7 @@ impl SelectedAnimation {
                 for (value, (out, into)) in all.iter_mut().zip(leaving.iter().zip(arriving)) {
                     *value += span * ((t3 - 2.0 * t2 + t) * out + (t3 - t2) * into);
                 }
-                if shape[0] == S::Vec4 { normalized(all) } else { all }
+                if shape == Shape::Vec4 { normalized(all) } else { all }
             }
         })
     }
@@ -271,6 +268,16 @@ mod tests {
         let file = animated("rotation", "VEC4", &[0., 0., 0., 1., 0., 0., -half, -half], "LINEAR");
         // A third of 90 degrees.
         close(place(&file, 1.0 + 2.0 / 3.0), [0.75_f64.sqrt(), 0.5, 0.]);
+    }
+
+    #[test]
+    fn four_weights_are_not_a_quaternion() {
+        let mut file = animated("weights", "SCALAR", &[0., 0., 0., 2., 0., 0., 4., 0.], "LINEAR");
+        let targets = [[0., 0., 1.], [0., 1., 0.], [0., 2., 0.], [4., 0., 0.]];
+        let targets = targets.map(|moved| json!({ "POSITION": file.floats("VEC3", &moved.repeat(3)) }));
+        file.document["meshes"][0]["primitives"][0]["targets"] = json!(targets);
+        // A quarter of the way: the weights are 0, 0, 1 and 1.5.
+        close(place(&file, 1.5), [1. + 6., 2., 0.]);
     }
 
     #[test]

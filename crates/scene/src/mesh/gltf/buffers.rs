@@ -68,7 +68,7 @@ fn uri_path(buffer: usize) -> String {
     format!("`buffers[{buffer}].uri`")
 }
 
-/// The buffers that the primitives, skins, instances and images of a document use, and other
+/// The buffers that the primitives, skins, instances and textures of a document use, and other
 /// accessors.
 pub(super) fn used(document: &Document, others: impl Iterator<Item = usize>) -> HashSet<usize> {
     let mut accessors: HashSet<usize> = others.collect();
@@ -87,7 +87,8 @@ pub(super) fn used(document: &Document, others: impl Iterator<Item = usize>) -> 
         accessor.buffer_view.into_iter().chain(sparse.into_iter().flatten())
     };
     let accessors = accessors.into_iter().filter_map(|at| document.accessors.get(at));
-    let images = document.images.iter().filter_map(|image| image.buffer_view);
+    let images = document.textures.iter().filter_map(|texture| document.images.get(texture.source?));
+    let images = images.filter_map(|image| image.buffer_view);
     let views = accessors.flat_map(views).chain(images).filter_map(|at| document.buffer_views.get(at));
     views.map(|view| view.buffer).collect()
 }

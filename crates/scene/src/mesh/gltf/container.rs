@@ -99,8 +99,8 @@ fn from_json<T: DeserializeOwned>(text: &[u8]) -> Result<T> {
     Ok(value)
 }
 
-/// The number of values of a JSON text, or a few more: each begins the text, or stands behind a
-/// comma or an opening bracket outside of strings.
+/// The number of values of a JSON text, or a few more: each begins the text, or follows a comma
+/// or an opening bracket outside of strings.
 fn json_values(text: &[u8]) -> u64 {
     let (mut count, mut in_string, mut escaped) = (1, false, false);
     for byte in text {

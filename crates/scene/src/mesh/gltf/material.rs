@@ -110,24 +110,26 @@ impl Data {
         })
     }
 
-    pub(super) fn textures(&self, path: &Path) -> Result<Vec<Texture>> {
+    /// The textures of the file at a path. Only the images that they use are read, each once.
+    pub(super) fn textures(&self, file: &Path) -> Result<Vec<Texture>> {
         let document = &self.document;
-        let pictures = document.images.iter().enumerate().map(|(at, _)| self.picture(at, path));
-        let pictures: Vec<Result<PictureSource>> = pictures.collect();
+        let mut pictures: Vec<Option<PictureSource>> = vec![None; document.images.len()];
         let mut all = Vec::new();
         for (at, texture) in document.textures.iter().enumerate() {
             let path = format!("textures[{at}]");
             let picture = match texture.source {
                 None => {
                     let names = list_of(texture.extensions.keys().map(String::as_str));
-                    PictureSource::Missing(match names.is_empty() {
-                        true => format!("`{path}` has no `source`"),
-                        false => {
-                            format!("`{path}` has no `source` besides that of {names}, which is not read")
-                        }
+                    PictureSource::Missing(if names.is_empty() {
+                        format!("`{path}` has no `source`")
+                    } else {
+                        format!("`{path}` has no `source` besides that of {names}, which is not read")
                     })
                 }
-                Some(image) => get(&pictures, image, "images", &path)?.clone()?,
+                Some(image) => match get(&pictures, image, "images", &path)? {
+                    Some(picture) => picture.clone(),
+                    None => pictures[image].insert(self.picture(image, file)?).clone(),
+                },
             };
             let sampler = match texture.sampler {
                 None => sampler(&document::Sampler::default(), "")?,

@@ -26,11 +26,11 @@ impl Notes {
     }
 
     fn add_kind(&mut self, mut new: Kind) {
-        let is_known = |kinds: &[Kind], new: &Kind| kinds.iter().position(|kind| kind.text == new.text);
-        let mut known = is_known(&self.0, &new);
+        let place_of = |kinds: &[Kind], new: &Kind| kinds.iter().position(|kind| kind.text == new.text);
+        let mut known = place_of(&self.0, &new);
         if known.is_none() && self.0.len() + 1 >= Self::MOST {
             new.text = "further statements".into();
-            known = is_known(&self.0, &new);
+            known = place_of(&self.0, &new);
         }
         match known {
             Some(at) => {
