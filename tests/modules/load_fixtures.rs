@@ -5,7 +5,6 @@ use std::path::{Path, PathBuf};
 
 use anyhit_engine::module::interface::Stage;
 use anyhit_engine::module::load;
-use anyhit_engine::module::names::opcode_name;
 
 fn modules(folder: &Path, found: &mut Vec<PathBuf>) {
     for entry in fs::read_dir(folder).unwrap() {
@@ -59,7 +58,7 @@ fn debug_information_leads_back_to_the_source() {
         };
         let line_of_first = |name: &str, opcode: &str| {
             let mut instructions = function(name).blocks.iter().flat_map(|block| &block.instructions);
-            let found = instructions.find(|one| opcode_name(one.opcode) == opcode).unwrap();
+            let found = instructions.find(|one| one.opcode.to_string() == opcode).unwrap();
             module.debug_info.line_at(found.offset).unwrap().line
         };
         assert_eq!(line_of_first("divide", "OpFDiv"), line_of("floor(a / b)"), "{flavour}");

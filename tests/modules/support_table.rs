@@ -5,11 +5,10 @@ use std::collections::HashSet;
 use std::fs;
 use std::sync::Arc;
 
-use anyhit_engine::module::load;
+use anyhit_engine::module::{Opcode, load};
 use anyhit_engine::ops::support::{Support, builtin, gaps, opcode, table};
 use anyhit_engine::program::lower;
 use pretty_assertions::assert_eq;
-use rspirv::grammar::INSTRUCTION_TABLE;
 use rspirv::spirv::BuiltIn;
 
 use crate::support::files::{self, root};
@@ -77,11 +76,11 @@ fn what_is_called_supported_is_run_by_a_test() {
     };
     let (text, vectors) = (words(&text), words(&vectors));
     let mut missing = Vec::new();
-    for entry in INSTRUCTION_TABLE.iter() {
-        let supported = opcode(entry.opcode as u16).is_some_and(Support::is_supported);
-        let name = format!("Op{}", entry.opname);
-        let known = run[0].contains(&(entry.opcode as u32)) || text.contains(&name);
-        if supported && !known && !vectors.contains(entry.opname) {
+    for op in Opcode::all() {
+        let supported = opcode(op).is_some_and(Support::is_supported);
+        let name = op.to_string();
+        let known = run[0].contains(&op.0.into()) || text.contains(&name);
+        if supported && !known && !vectors.contains(name.trim_start_matches("Op")) {
             missing.push(name);
         }
     }

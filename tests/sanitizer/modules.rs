@@ -108,6 +108,7 @@ fn stores_a_constant(other: &str) -> String {
          %u2 = OpConstant %uint 2
          %undef = OpUndef %uint
          %undefs = OpUndef %pair
+         %poison = OpPoisonKHR %uint
          %half = OpConstantComposite %pair %u2 %undef
          %array = OpTypeRuntimeArray %uint
          %block = OpTypeStruct %array
@@ -121,6 +122,11 @@ fn stores_a_constant(other: &str) -> String {
          %i = OpLoad %uint %index
          %is_first = OpIEqual %bool %i %u0
          %copied = OpCopyObject %uint %undef
+         %local = OpPoisonKHR %uint
+         %frozen = OpFreezeKHR %uint %undef
+         %frozen_local = OpFreezeKHR %uint %local
+         %frozen_half = OpFreezeKHR %pair %half
+         %of_frozen = OpCompositeExtract %uint %frozen_half 1
          %of_half = OpCompositeExtract %uint %half 1
          %of_pair = OpCompositeExtract %uint %undefs 0
          %defined = OpCompositeExtract %uint %half 0
@@ -137,11 +143,11 @@ fn stores_a_constant(other: &str) -> String {
 #[test]
 fn undefined_constants_are_told_where_something_depends_on_them() {
     let message = "a value that the shader leaves undefined reaches a buffer".to_owned();
-    for other in ["undef", "copied", "of_half", "of_pair"] {
+    for other in ["undef", "copied", "of_half", "of_pair", "poison", "local"] {
         assert_eq!(found(&stores_a_constant(other)), [("undef-use", message.clone())], "{other}");
     }
-    // Copied, but never stored.
-    for other in ["u0", "defined"] {
+    // Copied, but never stored; frozen (SPV_KHR_poison_freeze: any value, but a stable one).
+    for other in ["u0", "defined", "frozen", "frozen_local", "of_frozen"] {
         assert_eq!(found(&stores_a_constant(other)), [], "{other}");
     }
 }

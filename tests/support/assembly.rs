@@ -3,9 +3,8 @@
 
 use std::collections::HashMap;
 
-use rspirv::grammar::{
-    ExtInstOp, GLSL_STD_450_INSTRUCTION_TABLE, INSTRUCTION_TABLE, Instruction, OperandKind, OperandQuantifier,
-};
+use anyhit_engine::module::Opcode;
+use rspirv::grammar::{ExtInstOp, GLSL_STD_450_INSTRUCTION_TABLE, OperandKind, OperandQuantifier};
 use rspirv::spirv;
 
 /// Assembles a module of version 1.6. A line is an instruction or empty; `;` begins a comment.
@@ -33,13 +32,11 @@ impl Assembler {
             [result, "=", rest @ ..] => (Some(*result), rest),
             _ => (None, tokens),
         };
-        let name = rest[0].strip_prefix("Op").ok_or("no opcode")?;
-        let grammar = INSTRUCTION_TABLE.iter().find(|entry| entry.opname == name);
-        let grammar: &Instruction = grammar.ok_or_else(|| format!("unknown Op{name}"))?;
+        let opcode = Opcode::by_name(rest[0]).ok_or_else(|| format!("unknown {}", rest[0]))?;
         let start = self.words.len();
         self.words.push(0);
         let mut rest = rest[1..].iter();
-        for operand in grammar.operands {
+        for operand in opcode.operands() {
             if operand.kind == OperandKind::IdResult {
                 let id = self.id(result.ok_or("a result is missing")?);
                 self.words.push(id);
@@ -59,7 +56,7 @@ impl Assembler {
             self.operand(OperandKind::LiteralInteger, token)?;
         }
         let count = (self.words.len() - start) as u32;
-        self.words[start] = count << 16 | grammar.opcode as u32;
+        self.words[start] = count << 16 | u32::from(opcode.0);
         Ok(())
     }
 
@@ -150,8 +147,7 @@ fn enumerant(kind: OperandKind, name: &str) -> Option<u32> {
                     entry.map(|entry| match entry.opcode { ExtInstOp::GlslStd450(op) => op as u32, _ => 0 })
                 }
                 OperandKind::LiteralSpecConstantOpInteger => {
-                    let entry = INSTRUCTION_TABLE.iter().find(|entry| entry.opname == name);
-                    entry.map(|entry| entry.opcode as u32)
+                    Opcode::by_name(name).map(|opcode| opcode.0.into())
                 }
                 _ if name == "None" => Some(0),
                 _ => name.parse::<spirv::BuiltIn>().ok().map(|value| value as u32),

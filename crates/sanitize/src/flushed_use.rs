@@ -1,6 +1,6 @@
 //! Where a subnormal number makes a difference, as an implementation may flush it to 0.
 
-use rspirv::spirv::Op as Opcode;
+use anyhit_engine::module::Opcode;
 
 /// Where a subnormal number makes a difference.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -3,7 +3,6 @@
 
 use std::sync::Arc;
 
-use rspirv::spirv::Op;
 use rustc_hash::FxHashMap;
 
 use crate::finding::{Finding, FindingKey, Findings};
@@ -14,7 +13,7 @@ use anyhit_engine::machine::ShaderIndex;
 use anyhit_engine::module::decoration::number;
 use anyhit_engine::module::hit_ids::{HitId, HitIds};
 use anyhit_engine::module::ty::Type;
-use anyhit_engine::module::{Function, Id, Module};
+use anyhit_engine::module::{Function, Id, Module, Opcode};
 use anyhit_engine::program::Program;
 
 /// An array of a resource: set, binding, and the constant indices that lead to it.
@@ -75,8 +74,8 @@ fn indexings(program: &Program, shader: ShaderIndex) -> Vec<(ArrayKey, Indexing)
     let mut found = Vec::new();
     let functions = functions.into_iter().map(|function| &module.functions[function as usize]);
     for instruction in functions.flat_map(Function::instructions) {
-        let opcode = Op::from_u32(instruction.opcode.into());
-        let (Some(Op::AccessChain | Op::InBoundsAccessChain), Some((&base, indices))) =
+        let opcode = instruction.opcode;
+        let (Opcode::AccessChain | Opcode::InBoundsAccessChain, Some((&base, indices))) =
             (opcode, module.operands(instruction).split_first())
         else {
             continue;

@@ -125,7 +125,7 @@ enum Layout {
 
 #[cfg(test)]
 mod tests {
-    use rspirv::spirv::Op;
+    use anyhit_engine::module::Opcode;
 
     use super::*;
     use anyhit_engine::module::Id;
@@ -136,11 +136,11 @@ mod tests {
         const OFFSET: u32 = 35;
         let mut a = Assembler::new();
         if let Some(offset) = offset {
-            a.op(Op::MemberDecorate, &[50, 0, OFFSET, 0]);
-            a.op(Op::MemberDecorate, &[50, 1, OFFSET, offset]);
+            a.op(Opcode::MemberDecorate, &[50, 0, OFFSET, 0]);
+            a.op(Opcode::MemberDecorate, &[50, 1, OFFSET, offset]);
         }
         a.types();
-        a.op(Op::TypeStruct, &[50, 5, 5]);
+        a.op(Opcode::TypeStruct, &[50, 5, 5]);
         let module = a.loaded();
         let ty = module.type_with_id(Id(50)).expect("the struct");
         assert_eq!(scalars(&module, ty).len(), 2);
@@ -159,12 +159,12 @@ mod tests {
         let [vec3, float, floats] = [7, 6, 60];
         let mut a = Assembler::new();
         a.types();
-        a.op(Op::TypeArray, &[floats, float, 8]);
-        a.op(Op::TypeStruct, &[50, vec3, float, vec3]);
-        a.op(Op::TypeStruct, &[51, vec3, vec3, float]);
-        a.op(Op::TypeStruct, &[52, vec3, float, floats]);
-        a.op(Op::TypeStruct, &[53, 50]);
-        a.op(Op::TypeStruct, &[54, 50, float]);
+        a.op(Opcode::TypeArray, &[floats, float, 8]);
+        a.op(Opcode::TypeStruct, &[50, vec3, float, vec3]);
+        a.op(Opcode::TypeStruct, &[51, vec3, vec3, float]);
+        a.op(Opcode::TypeStruct, &[52, vec3, float, floats]);
+        a.op(Opcode::TypeStruct, &[53, 50]);
+        a.op(Opcode::TypeStruct, &[54, 50, float]);
         let module = a.loaded();
         let ty = |id: u32| module.type_with_id(Id(id)).expect("a type");
         let differ = |one: u32, other: u32| first_difference([(&module, ty(one)), (&module, ty(other))]);

@@ -1,9 +1,7 @@
 //! Names of parts of variables, as a source writes them.
 
-use rspirv::spirv::Op;
-
 use anyhit_engine::module::ty::{Type, TypeId};
-use anyhit_engine::module::{Definition, Id, Module};
+use anyhit_engine::module::{Definition, Id, Module, Opcode};
 use anyhit_engine::program::Program;
 
 /// The source expression of the scalar of a variable of a type that one of its words in registers
@@ -102,7 +100,7 @@ impl<'a> Argument<'a> {
         instructions.find_map(|one| {
             let [callee, arguments @ ..] = module.operands(one) else { return None };
             let at = arguments.iter().position(|&argument| argument == variable.0)?;
-            let callee = module.function(Id(*callee)).filter(|_| one.opcode == Op::FunctionCall as u16)?;
+            let callee = module.function(Id(*callee)).filter(|_| one.opcode == Opcode::FunctionCall)?;
             let (parameter, _) = *callee.parameters.get(at)?;
             let function = module.name(callee.id)?;
             Some(Self { function, number: at + 1, parameter: module.name(parameter) })
@@ -147,23 +145,23 @@ mod tests {
     /// second is named so.
     fn module(name: &str) -> Module {
         let mut a = Assembler::new();
-        a.with_string(Op::Name, &[50], "shade(vf3;vf3;", &[]);
-        a.with_string(Op::Name, &[52], "albedo", &[]);
-        a.with_string(Op::Name, &[43], name, &[]);
+        a.with_string(Opcode::Name, &[50], "shade(vf3;vf3;", &[]);
+        a.with_string(Opcode::Name, &[52], "albedo", &[]);
+        a.with_string(Opcode::Name, &[43], name, &[]);
         a.types();
-        a.op(Op::TypePointer, &[40, 7, 7]);
-        a.op(Op::TypeFunction, &[41, 1, 40, 40]);
-        a.op(Op::Function, &[1, 50, 0, 41]);
-        a.op(Op::FunctionParameter, &[40, 51]);
-        a.op(Op::FunctionParameter, &[40, 52]);
-        a.op(Op::Label, &[53]);
-        a.op(Op::Return, &[]);
-        a.op(Op::FunctionEnd, &[]);
+        a.op(Opcode::TypePointer, &[40, 7, 7]);
+        a.op(Opcode::TypeFunction, &[41, 1, 40, 40]);
+        a.op(Opcode::Function, &[1, 50, 0, 41]);
+        a.op(Opcode::FunctionParameter, &[40, 51]);
+        a.op(Opcode::FunctionParameter, &[40, 52]);
+        a.op(Opcode::Label, &[53]);
+        a.op(Opcode::Return, &[]);
+        a.op(Opcode::FunctionEnd, &[]);
         a.function(30, 31, |a| {
-            a.op(Op::Variable, &[40, 42, 7]);
-            a.op(Op::Variable, &[40, 43, 7]);
-            a.op(Op::FunctionCall, &[1, 44, 50, 42, 43]);
-            a.op(Op::Return, &[]);
+            a.op(Opcode::Variable, &[40, 42, 7]);
+            a.op(Opcode::Variable, &[40, 43, 7]);
+            a.op(Opcode::FunctionCall, &[1, 44, 50, 42, 43]);
+            a.op(Opcode::Return, &[]);
         });
         a.loaded()
     }

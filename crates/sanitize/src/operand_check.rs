@@ -1,7 +1,8 @@
 //! Rules about the operands of single instructions: a row each says which instruction, which of its
 //! lane kernels, and which operands break the rule.
 
-use rspirv::spirv::{GlslStd450Op as Glsl, Op};
+use anyhit_engine::module::Opcode;
+use rspirv::spirv::GlslStd450Op as Glsl;
 
 use crate::lane_operands::LaneOperands;
 use crate::rule::{Rule, arithmetic};
@@ -15,7 +16,7 @@ use anyhit_engine::ops::{arithmetic as arithmetic_ops, bit, conversion, glsl, ob
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CheckedInstruction {
     /// An opcode.
-    Core(Op),
+    Core(Opcode),
     /// An extended instruction.
     Glsl(Glsl),
 }
@@ -76,7 +77,7 @@ macro_rules! rows {
     };
 }
 
-use Op as Core;
+use Opcode as Core;
 use WordRange as R;
 
 rows! {
@@ -288,7 +289,7 @@ mod tests {
         bits: [u64; 3],
     ) -> Vec<&'static str> {
         let (set, number) = match instruction {
-            CheckedInstruction::Core(op) => (InstructionSet::Core, op as u32),
+            CheckedInstruction::Core(op) => (InstructionSet::Core, op.0.into()),
             CheckedInstruction::Glsl(op) => (InstructionSet::Glsl, op as u32),
         };
         let kernel = family(set, number).and_then(|family| family.kernel(width)).expect("a kernel");
@@ -304,17 +305,17 @@ mod tests {
     /// LaneOperands at both sides of what each section of the specifications says.
     #[test]
     fn operands_break_the_rules_of_their_instructions() {
-        let divide = CheckedInstruction::Core(Op::SDiv);
+        let divide = CheckedInstruction::Core(Opcode::SDiv);
         let negative = u64::from((-3i32) as u32);
         assert_eq!(broken(divide, 32, [7, 0, 0]), ["int-div-zero"]);
         assert_eq!(broken(divide, 32, [0x8000_0000, 0xFFFF_FFFF, 0]), ["int-div-overflow"]);
         assert_eq!(broken(divide, 64, [0x8000_0000, u64::MAX, 0]), [""; 0]);
         assert_eq!(broken(divide, 16, [0x8000, 0xFFFF, 0]), ["int-div-overflow"]);
         assert_eq!(broken(divide, 32, [negative, 2, 0]), [""; 0]);
-        let remainder = CheckedInstruction::Core(Op::SRem);
+        let remainder = CheckedInstruction::Core(Opcode::SRem);
         assert_eq!(broken(remainder, 32, [negative, 2, 0]), ["srem-negative"]);
         assert_eq!(broken(remainder, 32, [3, 2, 0]), [""; 0]);
-        let shift = CheckedInstruction::Core(Op::ShiftLeftLogical);
+        let shift = CheckedInstruction::Core(Opcode::ShiftLeftLogical);
         assert_eq!(broken(shift, 32, [1, 32, 0]), ["shift-range"]);
         assert_eq!(broken(shift, 32, [1, 31, 0]), [""; 0]);
         assert_eq!(broken(shift, 64, [1, 32, 0]), [""; 0]);
@@ -374,24 +375,24 @@ mod tests {
         };
         let [signed, unsigned] = [4469, 4470];
         let minus = |number: i32| u64::from(number as u32);
-        assert!(wraps(signed, Op::IAdd, 32, [0x7FFF_FFFF, 1, 0]));
-        assert!(!wraps(unsigned, Op::IAdd, 32, [0x7FFF_FFFF, 1, 0]));
-        assert!(wraps(unsigned, Op::IAdd, 32, [minus(-1), 1, 0]));
-        assert!(!wraps(signed, Op::IAdd, 32, [minus(-1), 1, 0]));
-        assert!(wraps(unsigned, Op::IAdd, 64, [u64::MAX, 1, 0]));
-        assert!(wraps(signed, Op::ISub, 16, [0x8000, 1, 0]));
-        assert!(wraps(unsigned, Op::ISub, 32, [3, 4, 0]));
-        assert!(!wraps(signed, Op::ISub, 32, [3, 4, 0]));
-        assert!(wraps(signed, Op::IMul, 64, [u64::MAX, 1 << 63, 0]));
-        assert!(!wraps(signed, Op::IMul, 32, [minus(-2), 1 << 30, 0]));
-        assert!(wraps(unsigned, Op::IMul, 64, [u64::MAX, u64::MAX, 0]));
-        assert!(wraps(signed, Op::ShiftLeftLogical, 32, [1, 31, 0]));
-        assert!(!wraps(unsigned, Op::ShiftLeftLogical, 32, [1, 31, 0]));
-        assert!(!wraps(signed, Op::ShiftLeftLogical, 32, [minus(-1), 31, 0]));
+        assert!(wraps(signed, Opcode::IAdd, 32, [0x7FFF_FFFF, 1, 0]));
+        assert!(!wraps(unsigned, Opcode::IAdd, 32, [0x7FFF_FFFF, 1, 0]));
+        assert!(wraps(unsigned, Opcode::IAdd, 32, [minus(-1), 1, 0]));
+        assert!(!wraps(signed, Opcode::IAdd, 32, [minus(-1), 1, 0]));
+        assert!(wraps(unsigned, Opcode::IAdd, 64, [u64::MAX, 1, 0]));
+        assert!(wraps(signed, Opcode::ISub, 16, [0x8000, 1, 0]));
+        assert!(wraps(unsigned, Opcode::ISub, 32, [3, 4, 0]));
+        assert!(!wraps(signed, Opcode::ISub, 32, [3, 4, 0]));
+        assert!(wraps(signed, Opcode::IMul, 64, [u64::MAX, 1 << 63, 0]));
+        assert!(!wraps(signed, Opcode::IMul, 32, [minus(-2), 1 << 30, 0]));
+        assert!(wraps(unsigned, Opcode::IMul, 64, [u64::MAX, u64::MAX, 0]));
+        assert!(wraps(signed, Opcode::ShiftLeftLogical, 32, [1, 31, 0]));
+        assert!(!wraps(unsigned, Opcode::ShiftLeftLogical, 32, [1, 31, 0]));
+        assert!(!wraps(signed, Opcode::ShiftLeftLogical, 32, [minus(-1), 31, 0]));
         // That a shift is too wide is another rule's.
-        assert!(!wraps(unsigned, Op::ShiftLeftLogical, 32, [1, 32, 0]));
-        assert!(wraps(signed, Op::SNegate, 32, [0x8000_0000, 0, 0]));
-        assert!(wraps(unsigned, Op::SNegate, 32, [1, 0, 0]));
+        assert!(!wraps(unsigned, Opcode::ShiftLeftLogical, 32, [1, 32, 0]));
+        assert!(wraps(signed, Opcode::SNegate, 32, [0x8000_0000, 0, 0]));
+        assert!(wraps(unsigned, Opcode::SNegate, 32, [1, 0, 0]));
     }
 
     #[test]
@@ -399,7 +400,8 @@ mod tests {
         let kernel = kernel(Conversion::F, 32, 16).expect("a kernel");
         let breaks = |value: f32| {
             let operands = operands(kernel, 16, [value.to_bits().into(), 0, 0]);
-            checks_of(CheckedInstruction::Core(Op::FConvert), kernel).any(|check| (check.breaks)(&operands))
+            checks_of(CheckedInstruction::Core(Opcode::FConvert), kernel)
+                .any(|check| (check.breaks)(&operands))
         };
         assert_eq!(
             [65504.0, 65519.996, 65520.0, -1e9, f32::INFINITY].map(breaks),
@@ -414,8 +416,8 @@ mod tests {
             let operands = operands(kernel, width, [value.to_bits().into(), 0, 0]);
             checks_of(CheckedInstruction::Core(instruction), kernel).any(|check| (check.breaks)(&operands))
         };
-        let unsigned = |width, value| breaks(Conversion::FToU, width, Op::ConvertFToU, value);
-        let signed = |width, value| breaks(Conversion::FToS, width, Op::ConvertFToS, value);
+        let unsigned = |width, value| breaks(Conversion::FToU, width, Opcode::ConvertFToU, value);
+        let signed = |width, value| breaks(Conversion::FToS, width, Opcode::ConvertFToS, value);
         // -0.9 becomes 0.
         assert_eq!(
             [unsigned(32, -0.9), unsigned(32, -1.0), unsigned(32, 4_294_967_040.0)],
@@ -437,7 +439,7 @@ mod tests {
         let sign = CheckedInstruction::Glsl(Glsl::FSign);
         assert_eq!(broken(sign, 32, floats([f32::NAN, 0.0, 0.0])), ["sign-nan"]);
         assert_eq!(broken(sign, 32, floats([f32::INFINITY, 0.0, 0.0])), [""; 0]);
-        let divide = CheckedInstruction::Core(Op::FDiv);
+        let divide = CheckedInstruction::Core(Opcode::FDiv);
         assert_eq!(broken(divide, 32, floats([1.0, 2f32.powi(126), 0.0])), [""; 0]);
         assert_eq!(broken(divide, 32, floats([1.0, -2f32.powi(127), 0.0])), ["fdiv-range"]);
         // A quotient by infinity is 0, as slab tests expect.
@@ -449,7 +451,7 @@ mod tests {
 
     #[test]
     fn flushing_matters_where_it_changes_what_a_comparison_gives() {
-        let compare = family(InstructionSet::Core, Op::FOrdLessThan as u32);
+        let compare = family(InstructionSet::Core, u32::from(Opcode::FOrdLessThan.0));
         let kernel = compare.and_then(|family| family.kernel(32));
         let kernel = kernel.expect("a kernel");
         let matters = |flushed, a, b| operands(kernel, 32, floats([a, b, 0.0])).flushing_matters(flushed);

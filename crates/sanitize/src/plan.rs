@@ -12,14 +12,14 @@ mod values;
 
 use std::sync::Arc;
 
-use rspirv::spirv::{Op as Opcode, Scope};
+use rspirv::spirv::Scope;
 use rustc_hash::{FxHashMap, FxHashSet};
 
 use crate::cause::OpPlace;
 use crate::flushed_use::{FlushedUse, comparison};
 use crate::rule::{Rule, arithmetic, subgroup};
 use anyhit_engine::machine::{BlockIndex, OpIndex, Reg};
-use anyhit_engine::module::{Id, Module};
+use anyhit_engine::module::{Id, Module, Opcode};
 use anyhit_engine::ops::op::Op;
 use anyhit_engine::ops::ray_query::RayQueryOp;
 use anyhit_engine::ops::subgroup::{ReadSource, SubgroupKind};
@@ -197,7 +197,7 @@ fn step(
                 let holds = tests_nan && preserved.tests(module, instruction, kernel.float_operands[0]);
                 !holds && check.decoration.is_none_or(|number| instruction.is_decorated(module, number))
             };
-            let compares = instruction.opcode.and_then(comparison).is_some() && from[0] != from[1];
+            let compares = comparison(instruction.opcode).is_some() && from[0] != from[1];
             let flushed = preserved.flushed_use(instruction, kernel);
             let is_normal = |at: usize| operation.is_normal_constant(at);
             OpPlan {
@@ -244,7 +244,7 @@ fn watched(
     }
     let operand = |at: usize| instruction.words.get(3 + at).map(|&id| Id(id));
     let is_allocated = |at: usize| operand(at).is_some_and(|id| values.is_allocated(id));
-    match instruction.opcode? {
+    match instruction.opcode {
         O::IAdd | O::ISub if kernel.width == 64 && module.capabilities.contains(&DEVICE_ADDRESSES) => {
             Some(Watched::Address { is_chain: false })
         }
@@ -261,9 +261,9 @@ fn watched(
 
 /// The rule about a lane that a subgroup instruction reads and that is not active. What the
 /// swizzles of `SPV_AMD_shader_ballot` read there is not said.
-fn inactive_rule(opcode: Option<Opcode>, kind: SubgroupKind) -> Option<&'static Rule> {
+fn inactive_rule(opcode: Opcode, kind: SubgroupKind) -> Option<&'static Rule> {
     let SubgroupKind::Read(source) = kind else { return None };
-    match (source, opcode?) {
+    match (source, opcode) {
         (_, Opcode::ExtInst) => None,
         (ReadSource::Rotate(_), _) => Some(&subgroup::ROTATE_INACTIVE),
         (ReadSource::Quad | ReadSource::QuadSet(_) | ReadSource::QuadClear(_) | ReadSource::QuadSwap, _) => {
@@ -281,7 +281,7 @@ fn subgroup_barriers(program: &Program) -> Vec<(BlockIndex, u32)> {
     let module = &program.module;
     let barriers = module.instructions().filter(|one| {
         let scope = module.operands(one).first().and_then(|&scope| module.scalar_value(Id(scope)));
-        one.opcode == Opcode::ControlBarrier as u16 && scope == Some(Scope::Subgroup as u64)
+        one.opcode == Opcode::ControlBarrier && scope == Some(Scope::Subgroup as u64)
     });
     let spans = |offset: u32| {
         let holds = move |span: &&InstructionSpan| (span.first..=span.last).contains(&offset);

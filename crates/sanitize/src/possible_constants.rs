@@ -1,9 +1,8 @@
 //! The constants that a value of a module can be, whatever the inputs.
 
-use rspirv::spirv::Op;
 use rustc_hash::FxHashMap;
 
-use anyhit_engine::module::{Definition, Id, Instruction, Module};
+use anyhit_engine::module::{Definition, Id, Module, Opcode};
 
 /// Finds the constants that values of a module can be, through variables, arguments and choices.
 #[derive(Debug)]
@@ -20,11 +19,11 @@ impl<'a> PossibleConstants<'a> {
     pub(super) fn of(module: &'a Module) -> Self {
         let mut constants = Self { module, stored: FxHashMap::default(), arguments: FxHashMap::default() };
         for instruction in module.instructions() {
-            match (opcode(instruction), module.operands(instruction)) {
-                (Some(Op::Store), &[pointer, object, ..]) => {
+            match (instruction.opcode, module.operands(instruction)) {
+                (Opcode::Store, &[pointer, object, ..]) => {
                     constants.stored.entry(Id(pointer)).or_default().push(Id(object));
                 }
-                (Some(Op::FunctionCall), [callee, passed @ ..]) => {
+                (Opcode::FunctionCall, [callee, passed @ ..]) => {
                     let Some(callee) = module.function(Id(*callee)) else { continue };
                     for (&(parameter, _), &argument) in callee.parameters.iter().zip(passed) {
                         constants.arguments.entry(parameter).or_default().push(Id(argument));
@@ -66,17 +65,19 @@ impl<'a> PossibleConstants<'a> {
         let block = self.module.functions.get(function as usize)?.blocks.get(block as usize)?;
         let instruction = block.instructions.get(at as usize)?;
         let operands = self.module.operands(instruction);
-        match (opcode(instruction)?, operands) {
-            (Op::Load | Op::CopyObject | Op::Bitcast | Op::UConvert | Op::SConvert, &[operand, ..]) => {
-                all(&[Id(operand)])
-            }
-            (Op::Select, &[_, then, other]) => all(&[Id(then), Id(other)]),
-            (Op::Phi, pairs) => pairs.iter().step_by(2).try_for_each(|&id| all(&[Id(id)])),
+        match (instruction.opcode, operands) {
+            (
+                Opcode::Load
+                | Opcode::CopyObject
+                | Opcode::FreezeKHR
+                | Opcode::Bitcast
+                | Opcode::UConvert
+                | Opcode::SConvert,
+                &[operand, ..],
+            ) => all(&[Id(operand)]),
+            (Opcode::Select, &[_, then, other]) => all(&[Id(then), Id(other)]),
+            (Opcode::Phi, pairs) => pairs.iter().step_by(2).try_for_each(|&id| all(&[Id(id)])),
             _ => None,
         }
     }
-}
-
-fn opcode(instruction: &Instruction) -> Option<Op> {
-    Op::from_u32(instruction.opcode.into())
 }

@@ -28,7 +28,7 @@
 //! So a pair that is reported is not ordered, but not all that are unordered are found. Loads whose
 //! result is unused, samples of images and read-only bindings are not looked at.
 
-use rspirv::spirv::Op as Opcode;
+use anyhit_engine::module::Opcode;
 use rustc_hash::FxHashSet;
 
 use crate::cause::OpPlace;
@@ -184,8 +184,8 @@ impl Races {
     pub(super) fn fence<const W: usize>(&mut self, batch: &Batch<W>, program: &Program, place: OpPlace) {
         let instruction = instruction(program, place);
         let of_subgroup = match instruction.opcode {
-            Some(Opcode::MemoryBarrier) => false,
-            Some(Opcode::ControlBarrier) => true,
+            Opcode::MemoryBarrier => false,
+            Opcode::ControlBarrier => true,
             _ => return,
         };
         let Some(semantics) = self.order.semantics(&program.module, instruction, true) else { return };
@@ -290,7 +290,7 @@ impl Races {
         let instruction = instruction(program, place);
         let kind = |lane: usize| match atomic.kind {
             AtomicKind::Load => AccessKind::AtomicLoad,
-            _ if instruction.opcode == Some(Opcode::AtomicStore) => AccessKind::AtomicStore,
+            _ if instruction.opcode == Opcode::AtomicStore => AccessKind::AtomicStore,
             AtomicKind::CompareExchange => {
                 let word = |first: Reg, at: u32| batch.registers[first.plus(at)].0[lane];
                 let fails = (0..atomic.words()).any(|at| word(atomic.to, at) != word(atomic.comparator, at));

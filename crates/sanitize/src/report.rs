@@ -2,8 +2,6 @@
 
 pub mod specials;
 
-use rspirv::spirv::Op as Opcode;
-
 use crate::cause::{Cause, Causes, OpPlace};
 use crate::finding::{Finding, FindingKey, Findings};
 use crate::levels::Levels;
@@ -14,9 +12,9 @@ use crate::rule::{self, Level, Rule, contract, memory, race};
 use anyhit_base::error::{Error, ErrorKind, Place};
 use anyhit_base::sorted::sort;
 use anyhit_engine::machine::{Batch, Mask, NO_CAUSE, OpIndex, Reg, ShaderIndex, ShadowRegisters};
-use anyhit_engine::module::Id;
 use anyhit_engine::module::decoration::number;
 use anyhit_engine::module::names::builtin_name;
+use anyhit_engine::module::{Id, Opcode};
 use anyhit_engine::ops::pointer::storage;
 use anyhit_engine::pipeline::{source_line, source_line_of, with_location};
 use anyhit_engine::program::Program;
@@ -497,9 +495,9 @@ fn line_of_read(program: &Program, builtin: u32) -> String {
         if !base.is_some_and(|base| pointers.contains(&base)) {
             continue;
         }
-        match Opcode::from_u32(one.opcode.into()) {
-            Some(Opcode::AccessChain | Opcode::InBoundsAccessChain) => pointers.extend(one.result),
-            Some(Opcode::Load) => loads.push(source_line_of(program, one.offset)),
+        match one.opcode {
+            Opcode::AccessChain | Opcode::InBoundsAccessChain => pointers.extend(one.result),
+            Opcode::Load => loads.push(source_line_of(program, one.offset)),
             _ => {}
         }
     }

@@ -1,6 +1,7 @@
 //! Rules about the rays that a run traces: which hit groups their hits lead to, and what of the
 //! acceleration structures and groups no ray of the run ever comes to.
 
+use anyhit_engine::module::Opcode;
 use std::sync::Arc;
 
 use crate::finding::{Finding, FindingKey, Findings, OccurrenceLog};
@@ -413,7 +414,7 @@ impl<'a> RayWatch<'a> {
         let program = &self.pipeline.programs[caller.shader.index()];
         let offset = program.origins.get(caller.op.index()).map(|origin| origin.offset as usize);
         let head = offset.and_then(|offset| program.module.words.get(offset));
-        head.is_some_and(|&head| MotionInstruction::of(head as u16).is_some())
+        head.is_some_and(|&head| MotionInstruction::of(Opcode::of_word(head)).is_some())
     }
 
     /// The innermost ray of an invocation.

@@ -8,8 +8,6 @@
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-use rspirv::spirv::Op;
-
 use crate::finding::{Finding, FindingKey, Findings};
 use crate::levels::Levels;
 use crate::possible_constants::PossibleConstants;
@@ -17,7 +15,7 @@ use crate::rule::{Level, traversal};
 use anyhit_base::error::{Error, ErrorKind};
 use anyhit_engine::accel::{RecordIndex, Tlas};
 use anyhit_engine::machine::ShaderIndex;
-use anyhit_engine::module::{Function, Id, Instruction};
+use anyhit_engine::module::{Function, Id, Instruction, Opcode};
 use anyhit_engine::pipeline::{Group, Pipeline, SbtRecord, source_file, source_line_of};
 use anyhit_engine::program::Program;
 
@@ -302,27 +300,27 @@ fn selected(
     mut constants: impl FnMut(u32) -> Option<Vec<u32>>,
 ) -> Option<Selected> {
     // The SBT offset follows the structure, the flags and the mask; a hit object precedes these.
-    let first = match Op::from_u32(instruction.opcode.into())? {
-        Op::TraceRayKHR | Op::TraceNV | Op::TraceRayMotionNV | Op::TraceMotionNV => 3,
-        Op::HitObjectTraceRayEXT
-        | Op::HitObjectTraceRayNV
-        | Op::HitObjectTraceRayMotionEXT
-        | Op::HitObjectTraceRayMotionNV
-        | Op::HitObjectTraceReorderExecuteEXT
-        | Op::HitObjectTraceMotionReorderExecuteEXT => 4,
-        Op::ExecuteCallableKHR | Op::ExecuteCallableNV => {
+    let first = match instruction.opcode {
+        Opcode::TraceRayKHR | Opcode::TraceNV | Opcode::TraceRayMotionNV | Opcode::TraceMotionNV => 3,
+        Opcode::HitObjectTraceRayEXT
+        | Opcode::HitObjectTraceRayNV
+        | Opcode::HitObjectTraceRayMotionEXT
+        | Opcode::HitObjectTraceRayMotionNV
+        | Opcode::HitObjectTraceReorderExecuteEXT
+        | Opcode::HitObjectTraceMotionReorderExecuteEXT => 4,
+        Opcode::ExecuteCallableKHR | Opcode::ExecuteCallableNV => {
             return Some(Selected::Callable(operands.first().and_then(|&index| constants(index))));
         }
-        Op::HitObjectRecordHitNV
-        | Op::HitObjectRecordHitWithIndexNV
-        | Op::HitObjectRecordHitMotionNV
-        | Op::HitObjectRecordHitWithIndexMotionNV
-        | Op::HitObjectRecordFromQueryEXT
-        | Op::HitObjectSetShaderBindingTableRecordIndexEXT => return Some(Selected::AnyHit),
-        Op::HitObjectRecordMissEXT
-        | Op::HitObjectRecordMissNV
-        | Op::HitObjectRecordMissMotionEXT
-        | Op::HitObjectRecordMissMotionNV => return Some(Selected::AnyMiss),
+        Opcode::HitObjectRecordHitNV
+        | Opcode::HitObjectRecordHitWithIndexNV
+        | Opcode::HitObjectRecordHitMotionNV
+        | Opcode::HitObjectRecordHitWithIndexMotionNV
+        | Opcode::HitObjectRecordFromQueryEXT
+        | Opcode::HitObjectSetShaderBindingTableRecordIndexEXT => return Some(Selected::AnyHit),
+        Opcode::HitObjectRecordMissEXT
+        | Opcode::HitObjectRecordMissNV
+        | Opcode::HitObjectRecordMissMotionEXT
+        | Opcode::HitObjectRecordMissMotionNV => return Some(Selected::AnyMiss),
         _ => return None,
     };
     let mut operand = |at: usize| operands.get(at).and_then(|&id| constants(id));

@@ -1,10 +1,9 @@
 //! The way of a value through the named variables and values of a shader, from the instruction that
 //! made it to the one that uses it.
 
-use rspirv::spirv::Op;
 use rustc_hash::FxHashMap;
 
-use anyhit_engine::module::{Definition, Id, Instruction, Module};
+use anyhit_engine::module::{Definition, Id, Instruction, Module, Opcode};
 
 /// How the ids of a module's functions are made of each other.
 struct Sources<'a> {
@@ -24,18 +23,18 @@ impl<'a> Sources<'a> {
         for function in &module.functions {
             for instruction in function.instructions() {
                 let operands = module.operands(instruction);
-                match (Op::from_u32(instruction.opcode.into()), operands) {
-                    (Some(Op::Store), &[pointer, object, ..]) => {
+                match (instruction.opcode, operands) {
+                    (Opcode::Store, &[pointer, object, ..]) => {
                         let variable = sources.root(Id(pointer));
                         sources.stored.entry(variable).or_default().push(Id(object));
                     }
-                    (Some(Op::FunctionCall), [callee, passed @ ..]) => {
+                    (Opcode::FunctionCall, [callee, passed @ ..]) => {
                         let Some(callee) = module.function(Id(*callee)) else { continue };
                         for (&(parameter, _), &argument) in callee.parameters.iter().zip(passed) {
                             sources.arguments.entry(parameter).or_default().push(Id(argument));
                         }
                     }
-                    (Some(Op::ReturnValue), &[value]) => {
+                    (Opcode::ReturnValue, &[value]) => {
                         sources.returned.entry(function.id).or_default().push(Id(value));
                     }
                     _ => {}
@@ -72,9 +71,9 @@ impl<'a> Sources<'a> {
             .copied()
             .collect();
         let Some(instruction) = self.result(id) else { return all };
-        match Op::from_u32(instruction.opcode.into()) {
-            Some(Op::Variable) => {}
-            Some(Op::FunctionCall) => {
+        match instruction.opcode {
+            Opcode::Variable => {}
+            Opcode::FunctionCall => {
                 let operands = self.module.operand_ids(instruction);
                 all.extend(
                     operands.first().and_then(|callee| self.returned.get(callee)).into_iter().flatten(),
@@ -91,8 +90,11 @@ impl<'a> Sources<'a> {
 
 fn is_access_chain(instruction: &Instruction) -> bool {
     matches!(
-        Op::from_u32(instruction.opcode.into()),
-        Some(Op::AccessChain | Op::InBoundsAccessChain | Op::PtrAccessChain | Op::InBoundsPtrAccessChain)
+        instruction.opcode,
+        Opcode::AccessChain
+            | Opcode::InBoundsAccessChain
+            | Opcode::PtrAccessChain
+            | Opcode::InBoundsPtrAccessChain
     )
 }
 

@@ -4,7 +4,7 @@ use crate::block_counts::BlockCounts;
 use anyhit_base::sorted::SortedSet;
 use anyhit_engine::machine::ShaderIndex;
 use anyhit_engine::module::interface::EntryPoint;
-use anyhit_engine::module::{Function, Id, Module};
+use anyhit_engine::module::{Function, Id, Module, Opcode};
 use anyhit_engine::program::Program;
 use anyhit_engine::program::control_flow::block_of;
 
@@ -54,7 +54,6 @@ impl Blocks {
 
 /// The first instructions of the blocks that a function's branches lead to.
 fn reachable(module: &Module, function: &Function) -> Vec<u32> {
-    const UNREACHABLE: u16 = 255;
     let mut seen = vec![false; function.blocks.len()];
     let mut next: Vec<usize> = if function.blocks.is_empty() { Vec::new() } else { vec![0] };
     let mut found = Vec::new();
@@ -64,7 +63,7 @@ fn reachable(module: &Module, function: &Function) -> Vec<u32> {
         }
         let instructions = &function.blocks[index].instructions;
         let (Some(first), Some(last)) = (instructions.first(), instructions.last()) else { continue };
-        if first.opcode != UNREACHABLE {
+        if first.opcode != Opcode::Unreachable {
             found.push(first.offset);
         }
         let targets = module.branch_targets(last).into_iter();

@@ -122,3 +122,49 @@ fn vectors_are_taken_apart_and_made() {
     let expected = [0xFFFF_FFFF, 1, 0xFFFF_FFFF, 0x8000_0000, 0xFFFF_FFFF, 0x8000_0001, 0xFFFF_FFFE];
     assert_eq!(found[0][..7], expected);
 }
+
+/// `SPV_KHR_poison_freeze`: the result of `OpFreezeKHR` is its operand, unless that is poison; then
+/// it is any value, which does not change from use to use.
+#[test]
+fn a_frozen_value_is_the_value_and_does_not_change() {
+    let shader = Shader {
+        declarations: "
+            %pair = OpTypeStruct %ulong %float2
+            %poison = OpPoisonKHR %uint
+            %u48 = OpConstant %uint 48",
+        body: "
+            %wide = OpUConvert %ulong %id
+            %high = OpShiftLeftLogical %ulong %wide %u48
+            %float_id = OpConvertUToF %float %id
+            %floats = OpCompositeConstruct %float2 %float_id %float_id
+            %made = OpCompositeConstruct %pair %high %floats
+            %frozen = OpFreezeKHR %pair %made
+            %high_frozen = OpCompositeExtract %ulong %frozen 0
+            %shifted = OpShiftRightLogical %ulong %high_frozen %u48
+            %narrow = OpUConvert %uint %shifted
+            out 0 %narrow
+            %second = OpCompositeExtract %float %frozen 1 1
+            %bits = OpBitcast %uint %second
+            out 1 %bits
+            %is_zero = OpIEqual %bool %id %u0
+            %frozen_bool = OpFreezeKHR %bool %is_zero
+            %chosen = OpSelect %uint %frozen_bool %u1 %u2
+            out 2 %chosen
+            %frozen_constant = OpFreezeKHR %uint %u16
+            out 3 %frozen_constant
+            %local = OpPoisonKHR %uint2
+            %stable = OpFreezeKHR %uint2 %local
+            %of_module = OpFreezeKHR %uint %poison
+            %x = OpCompositeExtract %uint %stable 0
+            %x_again = OpCompositeExtract %uint %stable 0
+            %difference = OpISub %uint %x %x_again
+            out 4 %difference
+            %product = OpIMul %uint %of_module %u0
+            out 5 %product",
+        ..Shader::default()
+    };
+    for (id, words) in (0..).zip(shader.run()) {
+        let chosen = if id == 0 { 1 } else { 2 };
+        assert_eq!(words[..6], [id, (id as f32).to_bits(), chosen, 16, 0, 0]);
+    }
+}

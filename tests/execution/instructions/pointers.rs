@@ -407,6 +407,7 @@ fn pointers_out_of_memory_that_may_lead_into_arrays_of_several_strides_are_not_s
 /// Ways from `%p`, which leads to an element of `%array`, to a pointer `%way` of equal value.
 const POINTER_WAYS: &[(&str, &str)] = &[
     ("itself", "%way = OpCopyObject %ptr %p"),
+    ("itself, frozen", "%way = OpFreezeKHR %ptr %p"),
     ("a choice", "%way = OpSelect %ptr %odd %p %p_again"),
     ("a variable", "OpStore %kept %p\n%way = OpLoad %ptr %kept"),
     ("a parameter and a result", "%way = OpFunctionCall %ptr %same %p"),

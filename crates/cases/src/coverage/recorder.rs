@@ -8,8 +8,8 @@ use crate::source_tree::SourceTree;
 use anyhit_base::escape;
 use anyhit_base::sorted::{SortedMap, SortedSet};
 use anyhit_engine::machine::{BlockIndex, ShaderIndex};
-use anyhit_engine::module::Module;
 use anyhit_engine::module::debug_info::SourceLine;
+use anyhit_engine::module::{Module, Opcode};
 use anyhit_engine::pipeline::Event;
 use anyhit_engine::program::{Program, Terminator};
 use anyhit_explain::names::Names;
@@ -95,12 +95,18 @@ struct Lines {
 struct Listed {
     module: Arc<Module>,
     /// Word offsets and opcodes, ascending.
-    instructions: Arc<Vec<(u32, u16)>>,
+    instructions: Arc<Vec<(u32, Opcode)>>,
 }
 
-/// Instructions that do nothing by themselves: `OpVariable`, `OpPhi`, `OpLoopMerge`,
-/// `OpSelectionMerge`, `OpBranch`, `OpUnreachable`.
-const SILENT: [u16; 6] = [59, 245, 246, 247, 249, 255];
+/// Instructions that compute nothing.
+const SILENT: [Opcode; 6] = [
+    Opcode::Variable,
+    Opcode::Phi,
+    Opcode::LoopMerge,
+    Opcode::SelectionMerge,
+    Opcode::Branch,
+    Opcode::Unreachable,
+];
 
 impl Lines {
     /// Adds a program, whose module lies at a path.
@@ -179,7 +185,7 @@ impl Lines {
         }
     }
 
-    fn instructions(&mut self, module: &Arc<Module>) -> Arc<Vec<(u32, u16)>> {
+    fn instructions(&mut self, module: &Arc<Module>) -> Arc<Vec<(u32, Opcode)>> {
         if let Some(known) = self.modules.iter().find(|known| Arc::ptr_eq(&known.module, module)) {
             return known.instructions.clone();
         }

@@ -4,15 +4,9 @@
 use rustc_hash::FxHashMap;
 
 use anyhit_engine::machine::OpIndex;
-use anyhit_engine::module::Id;
+use anyhit_engine::module::{Id, Opcode};
 use anyhit_engine::ops::interface_check::base_variable;
 use anyhit_engine::program::Program;
-
-/// `OpLoad`
-const LOAD: u32 = 61;
-/// `OpAtomicLoad` to `OpAtomicXor`, but for `OpAtomicStore`, which has no result.
-const ATOMICS: std::ops::RangeInclusive<u32> = 227..=242;
-const ATOMIC_STORE: u32 = 228;
 
 /// The first operations of a program that read its variables of module scope.
 #[derive(Debug)]
@@ -27,8 +21,14 @@ impl FirstReads {
             let Some(&[head, _, _, pointer, ..]) = module.words.get(origin.offset as usize..) else {
                 continue;
             };
-            let opcode = head & 0xFFFF;
-            let is_read = opcode == LOAD || ATOMICS.contains(&opcode) && opcode != ATOMIC_STORE;
+            // Atomic instructions but the store, which has no result.
+            let is_read = match Opcode::of_word(head) {
+                Opcode::Load => true,
+                opcode => {
+                    (Opcode::AtomicLoad..=Opcode::AtomicXor).contains(&opcode)
+                        && opcode != Opcode::AtomicStore
+                }
+            };
             if is_read && let Some(variable) = base_variable(module, Id(pointer)) {
                 reads.entry(variable).or_insert(OpIndex::new(at));
             }

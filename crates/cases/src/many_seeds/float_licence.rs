@@ -9,7 +9,7 @@ use rustc_hash::FxHashMap;
 
 use anyhit_engine::machine::OpIndex;
 use anyhit_engine::module::ty::Type;
-use anyhit_engine::module::{Definition, Id, Module};
+use anyhit_engine::module::{Definition, Id, Module, Opcode};
 use anyhit_engine::ops::lane_kernel::LaneKernel;
 use anyhit_engine::ops::op::Op;
 use anyhit_engine::program::Program;
@@ -36,10 +36,9 @@ const ALLOW_CONTRACT: u64 = 0x1_0000;
 /// `AllowReassoc`, a bit of `FP Fast Math Mode`.
 const ALLOW_REASSOC: u64 = 0x2_0000;
 
-/// `OpExtInst`
-const EXT_INST: u16 = 12;
-/// `OpVectorTimesMatrix`, `OpMatrixTimesVector`, `OpMatrixTimesMatrix` and `OpDot`.
-const FORMULAS: [u16; 4] = [144, 145, 146, 148];
+/// Core instructions that are sums of products.
+const FORMULAS: [Opcode; 4] =
+    [Opcode::VectorTimesMatrix, Opcode::MatrixTimesVector, Opcode::MatrixTimesMatrix, Opcode::Dot];
 /// `Determinant`, `MatrixInverse`, and from `Length` to `Refract` what is defined by dot products,
 /// of `GLSL.std.450`.
 const GLSL_FORMULAS: [u32; 9] = [33, 34, 66, 67, 68, 69, 70, 71, 72];
@@ -159,9 +158,9 @@ impl EntryModes {
 
 /// Whether an instruction, given by its words, is a formula of sums and products.
 fn is_formula(module: &Module, words: &[u32]) -> bool {
-    let opcode = words.first().map_or(0, |&head| head as u16);
+    let opcode = words.first().map_or(Opcode::Nop, |&head| Opcode::of_word(head));
     match (opcode, words) {
-        (EXT_INST, &[_, _, _, set, number, ..]) => match module.definition(Id(set)) {
+        (Opcode::ExtInst, &[_, _, _, set, number, ..]) => match module.definition(Id(set)) {
             Some(Definition::InstructionSet(at)) => {
                 module.instruction_sets[at as usize] == "GLSL.std.450" && GLSL_FORMULAS.contains(&number)
             }
@@ -180,22 +179,22 @@ mod tests {
     /// under execution modes. `%23` and `%24` are fast-math modes: none, and `AllowReassoc`.
     fn licence(capability: Option<u32>, decoration: &[u32], modes: &[(u32, Vec<u32>)]) -> FloatLicence {
         let mut a = Assembler::bare(100);
-        a.raw(17, &[1]);
+        a.op(Opcode(17), &[1]);
         capability.iter().for_each(|&capability| {
-            a.raw(17, &[capability]);
+            a.op(Opcode(17), &[capability]);
         });
-        a.raw(14, &[0, 1]);
+        a.op(Opcode(14), &[0, 1]);
         if !decoration.is_empty() {
-            a.raw(71, &[&[22], decoration].concat());
+            a.op(Opcode(71), &[&[22], decoration].concat());
         }
         a.types();
-        a.raw(43, &[6, 21, 1f32.to_bits()]);
-        a.raw(43, &[5, 23, 0]);
-        a.raw(43, &[5, 24, ALLOW_REASSOC as u32]);
+        a.op(Opcode(43), &[6, 21, 1f32.to_bits()]);
+        a.op(Opcode(43), &[5, 23, 0]);
+        a.op(Opcode(43), &[5, 24, ALLOW_REASSOC as u32]);
         let mut offset = 0;
         a.function(30, 31, |a| {
-            offset = a.raw(129, &[6, 22, 21, 21]);
-            a.raw(253, &[]);
+            offset = a.op(Opcode(129), &[6, 22, 21, 21]);
+            a.op(Opcode(253), &[]);
         });
         let module = a.loaded();
         EntryModes::of_modes(&module, modes).licence(&module, offset as u32, 32)

@@ -7,14 +7,9 @@ use crate::many_seeds::word_kind::WordKind;
 use anyhit_engine::machine::stop::RegSpan;
 use anyhit_engine::machine::{Batch, ChoiceKind, DrawnDetails, Lanes, OpIndex, OpenChoices, Reg};
 use anyhit_engine::module::ty::{Type, TypeId};
-use anyhit_engine::module::{Id, Module};
+use anyhit_engine::module::{Id, Module, Opcode};
 use anyhit_engine::ops::pointer::storage;
 use anyhit_engine::program::Program;
-
-/// `OpVariable`
-const VARIABLE: u16 = 59;
-/// `OpUndef`
-const UNDEF: u16 = 1;
 
 /// Registers that are undefined from some point on.
 #[derive(Clone, Debug)]
@@ -118,8 +113,8 @@ fn results(module: &Module) -> FxHashMap<u32, (Id, TypeId)> {
     let results = module.instructions().filter_map(|one| {
         let id = one.result?;
         let ty = match one.opcode {
-            VARIABLE => module.pointee(id)?,
-            UNDEF => module.type_of(id)?,
+            Opcode::Variable => module.pointee(id)?,
+            Opcode::Undef => module.type_of(id)?,
             _ => match *module.ty(module.type_of(id)?) {
                 Type::Vector { component, .. } => component,
                 _ => return None,

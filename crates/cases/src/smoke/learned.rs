@@ -9,7 +9,7 @@ use anyhit_base::sorted::{SortedMap, SortedSet};
 use anyhit_engine::machine::TrapCode;
 use anyhit_engine::module::interface::InterfaceVariable;
 use anyhit_engine::module::ty::{Type, TypeId};
-use anyhit_engine::module::{Definition, Id, Module};
+use anyhit_engine::module::{Definition, Id, Module, Opcode};
 use anyhit_engine::ops::pointer::storage;
 use anyhit_engine::pipeline::Trapped;
 
@@ -177,8 +177,9 @@ pub(super) struct UsedMemory<'a> {
 impl UsedMemory<'_> {
     /// Whether the module makes acceleration structures of addresses.
     fn addresses_structures(&self) -> bool {
-        const CONVERT: u16 = 4447;
-        self.module.instructions().any(|instruction| instruction.opcode == CONVERT)
+        self.module
+            .instructions()
+            .any(|instruction| instruction.opcode == Opcode::ConvertUToAccelerationStructureKHR)
     }
 
     /// What the instruction that trapped expects behind its address.
@@ -239,8 +240,12 @@ impl UsedMemory<'_> {
 
 /// The pointer that a chain of access chains begins with.
 fn base(module: &Module, mut id: Id) -> Id {
-    // OpAccessChain, OpInBoundsAccessChain, OpPtrAccessChain, OpInBoundsPtrAccessChain
-    const CHAINS: [u16; 4] = [65, 66, 67, 70];
+    const CHAINS: [Opcode; 4] = [
+        Opcode::AccessChain,
+        Opcode::InBoundsAccessChain,
+        Opcode::PtrAccessChain,
+        Opcode::InBoundsPtrAccessChain,
+    ];
     while let Some(Definition::Result(function, block, at)) = module.definition(id) {
         let block = &module.functions[function as usize].blocks[block as usize];
         let instruction = &block.instructions[at as usize];

@@ -8,7 +8,6 @@ use emmy_dap_types::types::{
 
 use crate::debugger::{StackFrame, VariableKind};
 use anyhit_base::error::Stage;
-use anyhit_engine::module::grammar::opcode_name;
 
 use super::disassembly::reference;
 use super::protocol::{Answer, Request, body};
@@ -144,7 +143,7 @@ impl Launched {
         for frame in frames {
             if inner.is_some_and(|number| number != frame.number) {
                 let opcode = self.console.debugger.sources().shader(frame.shader).opcode(frame.op);
-                rows.push(StackRow::Call(format!("[{}]", opcode_name(opcode))));
+                rows.push(StackRow::Call(format!("[{opcode}]")));
             }
             inner = Some(frame.number);
             rows.push(StackRow::Function(Box::new(frame)));

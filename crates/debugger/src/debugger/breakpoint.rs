@@ -1,11 +1,11 @@
 //! Breakpoints: where they are asked for, and the table in which a run looks them up.
 
+use anyhit_engine::module::Opcode;
 use rustc_hash::FxHashMap;
 use smallvec::SmallVec;
 
 use anyhit_base::sorted::sort_by_key;
 use anyhit_engine::machine::{RayQueryEvent, RayQueryStep, ShaderIndex};
-use anyhit_engine::module::grammar;
 use anyhit_engine::module::interface::Stage;
 use anyhit_engine::ops::translate::Origin;
 use anyhit_engine::pipeline::Event;
@@ -136,7 +136,7 @@ impl Breakpoint {
             BreakpointPlace::Line { .. }
             | BreakpointPlace::Function(_)
             | BreakpointPlace::Instruction { .. } => !self.resolved.is_empty(),
-            BreakpointPlace::Opcode(name) => grammar::opcode_of(name).is_some(),
+            BreakpointPlace::Opcode(name) => Opcode::by_name(name).is_some(),
             BreakpointPlace::Stage(_) | BreakpointPlace::Traversal(_) => true,
         }
     }
@@ -147,8 +147,7 @@ impl Breakpoint {
 pub struct BreakpointTable {
     lines: FxHashMap<LineIndex, SmallVec<[BreakpointId; 1]>>,
     functions: FxHashMap<(ShaderIndex, u32), SmallVec<[BreakpointId; 1]>>,
-    /// By the number of an opcode.
-    opcodes: FxHashMap<u16, SmallVec<[BreakpointId; 1]>>,
+    opcodes: FxHashMap<Opcode, SmallVec<[BreakpointId; 1]>>,
     /// By shader and word offset.
     instructions: FxHashMap<(ShaderIndex, u32), SmallVec<[BreakpointId; 1]>>,
     /// By stage.
@@ -169,7 +168,7 @@ impl BreakpointTable {
             BreakpointPlace::Line { file, line } => self.add_lines(id, file, *line, sources),
             BreakpointPlace::Function(name) => self.add_functions(id, name, sources),
             BreakpointPlace::Opcode(name) => {
-                grammar::opcode_of(name)
+                Opcode::by_name(name)
                     .into_iter()
                     .for_each(|opcode| self.opcodes.entry(opcode).or_default().push(id));
                 Vec::new()

@@ -1,7 +1,7 @@
 //! What a stopped invocation holds: the variables of a frame.
 
-use anyhit_engine::module::Id;
 use anyhit_engine::module::ty::Type;
+use anyhit_engine::module::{Id, Opcode};
 use anyhit_engine::reflect::value::TypedValue;
 
 use super::Debugger;
@@ -11,9 +11,6 @@ use super::stack::StackFrame;
 use super::stopped_lane::StoppedLane;
 use super::variable_place::VariablePlace;
 use super::variables::{Variable, global_variables, temporaries_in_frame, value_of_id, variables_in_frame};
-
-/// `OpFunctionCall`
-const OP_FUNCTION_CALL: u16 = 57;
 
 impl Debugger {
     /// Calls a function with the lane of a frame's shader.
@@ -145,7 +142,7 @@ impl Debugger {
         // A call that the compiler has inlined is no instruction.
         let call = caller.source.origin.offset as usize;
         let &[word, _, result] = module.words.get(call..call + 3)? else { return None };
-        if !is_back || callee.number != caller.number || word as u16 != OP_FUNCTION_CALL {
+        if !is_back || callee.number != caller.number || Opcode::of_word(word) != Opcode::FunctionCall {
             return None;
         }
         let is_void = module.type_of(Id(result)).is_none_or(|ty| matches!(module.ty(ty), Type::Void));

@@ -3,16 +3,7 @@
 use std::collections::HashSet;
 
 use anyhit_engine::module::debug_scopes::LocationForm;
-use anyhit_engine::module::{Function, Id, Instruction, Module};
-
-const OP_UNDEF: u16 = 1;
-const OP_VARIABLE: u16 = 59;
-const OP_LOAD: u16 = 61;
-const OP_STORE: u16 = 62;
-const OP_ACCESS_CHAIN: u16 = 65;
-const OP_IN_BOUNDS_ACCESS_CHAIN: u16 = 66;
-const OP_COMPOSITE_EXTRACT: u16 = 81;
-const OP_COPY_OBJECT: u16 = 83;
+use anyhit_engine::module::{Function, Id, Instruction, Module, Opcode};
 
 /// The word offset from which on the instructions of a function are those of its statements. Before
 /// it are its variables, and the stores that give its parameters variables of their own: there
@@ -26,16 +17,16 @@ pub(super) fn body_offset(module: &Module, function: &Function) -> u32 {
     for (at, instruction) in first.instructions.iter().enumerate() {
         let next = first.instructions.get(at + 1).map_or(instruction.offset, |next| next.offset);
         match instruction.opcode {
-            OP_UNDEF | OP_VARIABLE => body = next,
+            Opcode::Undef | Opcode::Variable => body = next,
             // Another line is a statement's.
             _ if *line.get_or_insert(line_of(module, instruction)) != line_of(module, instruction) => break,
-            OP_LOAD | OP_COMPOSITE_EXTRACT | OP_COPY_OBJECT => {}
-            OP_ACCESS_CHAIN | OP_IN_BOUNDS_ACCESS_CHAIN => {
+            Opcode::Load | Opcode::CompositeExtract | Opcode::CopyObject | Opcode::FreezeKHR => {}
+            Opcode::AccessChain | Opcode::InBoundsAccessChain => {
                 let base = module.operands(instruction).first();
                 let is_known = base.is_some_and(|&base| pointers.contains(&Id(base)));
                 pointers.extend(instruction.result.filter(|_| is_known));
             }
-            OP_STORE
+            Opcode::Store
                 if module.operands(instruction).first().is_some_and(|&to| pointers.contains(&Id(to))) =>
             {
                 body = next;

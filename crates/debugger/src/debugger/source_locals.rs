@@ -9,9 +9,7 @@ use anyhit_engine::module::debug_scopes::{
     DebugScopes, LocationForm, ScopePosition, SourceType, VariableLocation,
 };
 use anyhit_engine::module::ty::Type;
-use anyhit_engine::module::{Function, Id, Module};
-
-const OP_VARIABLE: u16 = 59;
+use anyhit_engine::module::{Function, Id, Module, Opcode};
 
 /// What Slang puts before the name of a variable that holds a copy for debuggers.
 const COPY_PREFIX: &str = "_dbgvar_";
@@ -109,7 +107,7 @@ fn original_of(module: &Module, function: &Function, copy: Id, name: &str) -> Op
 /// The variables of a function.
 fn variables(function: &Function) -> impl Iterator<Item = Id> {
     let first = function.blocks.first().map_or(&[][..], |block| &block.instructions);
-    let variables = first.iter().filter(|instruction| instruction.opcode == OP_VARIABLE);
+    let variables = first.iter().filter(|instruction| instruction.opcode == Opcode::Variable);
     variables.filter_map(|instruction| instruction.result)
 }
 

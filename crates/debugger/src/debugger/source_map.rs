@@ -6,7 +6,7 @@ use rustc_hash::FxHashMap;
 
 use anyhit_base::sorted::sort;
 use anyhit_engine::machine::{BlockIndex, OpIndex, ShaderIndex};
-use anyhit_engine::module::{Function, Id};
+use anyhit_engine::module::{Function, Id, Opcode};
 use anyhit_engine::program::{Program, Terminator};
 
 use super::prologue::body_offset;
@@ -220,9 +220,9 @@ impl ShaderSites {
     }
 
     /// The opcode of the instruction of an operation.
-    pub fn opcode(&self, op: OpIndex) -> u16 {
+    pub fn opcode(&self, op: OpIndex) -> Opcode {
         let word = self.program.module.words.get(self.offset(op) as usize);
-        word.map_or(0, |word| *word as u16)
+        word.map_or(Opcode::Nop, |&word| Opcode::of_word(word))
     }
 
     /// The position of an instruction, given by its offset in words from the start of the module.

@@ -1,8 +1,6 @@
 //! A small assembler for tests: it appends instructions and returns the offset of each.
 
-use rspirv::spirv::Op;
-
-use crate::module::{Module, load};
+use crate::module::{Module, Opcode, load};
 use anyhit_base::error::{Error, Result};
 
 /// A module under assembly.
@@ -28,26 +26,21 @@ impl Assembler {
     /// (words 7 to 9).
     pub fn new() -> Self {
         let mut assembler = Self::bare(1000);
-        assembler.op(Op::Capability, &[1]);
-        assembler.op(Op::MemoryModel, &[0, 1]);
+        assembler.op(Opcode::Capability, &[1]);
+        assembler.op(Opcode::MemoryModel, &[0, 1]);
         assembler
     }
 
     /// Appends an instruction and returns its offset.
-    pub fn op(&mut self, op: Op, operands: &[u32]) -> usize {
-        self.raw(op as u16, operands)
-    }
-
-    /// Appends an instruction of any opcode and returns its offset.
-    pub fn raw(&mut self, opcode: u16, operands: &[u32]) -> usize {
+    pub fn op(&mut self, op: Opcode, operands: &[u32]) -> usize {
         let offset = self.words.len();
-        self.words.push((operands.len() as u32 + 1) << 16 | u32::from(opcode));
+        self.words.push((operands.len() as u32 + 1) << 16 | u32::from(op.0));
         self.words.extend(operands);
         offset
     }
 
     /// Appends an instruction with a string among its operands.
-    pub fn with_string(&mut self, op: Op, before: &[u32], text: &str, after: &[u32]) -> usize {
+    pub fn with_string(&mut self, op: Opcode, before: &[u32], text: &str, after: &[u32]) -> usize {
         let operands = [before, &string_words(text), after].concat();
         self.op(op, &operands)
     }
@@ -55,23 +48,23 @@ impl Assembler {
     /// `%1 = void`, `%2 = void()`, `%3 = bool`, `%4 = int`, `%5 = uint`, `%6 = float`,
     /// `%7 = vec3`, `%8 = uint 3`.
     pub fn types(&mut self) -> &mut Self {
-        self.op(Op::TypeVoid, &[1]);
-        self.op(Op::TypeFunction, &[2, 1]);
-        self.op(Op::TypeBool, &[3]);
-        self.op(Op::TypeInt, &[4, 32, 1]);
-        self.op(Op::TypeInt, &[5, 32, 0]);
-        self.op(Op::TypeFloat, &[6, 32]);
-        self.op(Op::TypeVector, &[7, 6, 3]);
-        self.op(Op::Constant, &[5, 8, 3]);
+        self.op(Opcode::TypeVoid, &[1]);
+        self.op(Opcode::TypeFunction, &[2, 1]);
+        self.op(Opcode::TypeBool, &[3]);
+        self.op(Opcode::TypeInt, &[4, 32, 1]);
+        self.op(Opcode::TypeInt, &[5, 32, 0]);
+        self.op(Opcode::TypeFloat, &[6, 32]);
+        self.op(Opcode::TypeVector, &[7, 6, 3]);
+        self.op(Opcode::Constant, &[5, 8, 3]);
         self
     }
 
     /// A `void` function without parameters: its id, the id of its label, and its body.
     pub fn function(&mut self, id: u32, label: u32, body: impl FnOnce(&mut Self)) -> usize {
-        let offset = self.op(Op::Function, &[1, id, 0, 2]);
-        self.op(Op::Label, &[label]);
+        let offset = self.op(Opcode::Function, &[1, id, 0, 2]);
+        self.op(Opcode::Label, &[label]);
         body(self);
-        self.op(Op::FunctionEnd, &[]);
+        self.op(Opcode::FunctionEnd, &[]);
         offset
     }
 

@@ -1,12 +1,10 @@
 //! Checks the instructions of the functions against the grammar and the definitions.
 
-use rspirv::spirv::Op;
-
 use crate::module::check_encoding::EncodedTypes;
-use crate::module::grammar::{is_id, opcode, opcode_name, walk};
+use crate::module::grammar::{InstructionGrammar, is_id, walk};
 use crate::module::id_map::UnknownResults;
 use crate::module::span::{Span, invalid, span_of};
-use crate::module::{BasicBlock, Definition, Id, Instruction, Module, check_access, check_encoding};
+use crate::module::{BasicBlock, Definition, Id, Instruction, Module, Opcode, check_access, check_encoding};
 use anyhit_base::error::{Error, Place, Result};
 use anyhit_base::sorted::sort;
 
@@ -36,7 +34,7 @@ pub(super) fn functions(module: &Module, unknown: &UnknownResults) -> Result<Vec
                 check_access::instruction(module, instruction)?;
                 check_encoding::instruction(module, &encoded, instruction)?;
                 checker.check_return(instruction)?;
-                if instruction.opcode == Op::FunctionCall as u16 {
+                if instruction.opcode == Opcode::FunctionCall {
                     let (callee, at) = checker.check_call(instruction)?;
                     calls[index].extend(callee.map(|callee| (callee, at)));
                 }
@@ -80,7 +78,7 @@ impl Checker<'_> {
                 used_variables.push(index);
             }
         };
-        let Some(known) = opcode(instruction.opcode) else {
+        let Some(known) = InstructionGrammar::of(instruction.opcode) else {
             // Any word of an unknown instruction may be an id.
             let words = self.module.operands(instruction).iter();
             words.filter_map(|&word| self.module.definition(Id(word))).for_each(record);
@@ -90,7 +88,7 @@ impl Checker<'_> {
         let literal_words = self.module.switch_literal_words(instruction);
         let first = instruction.operands.start as usize;
         let mut extended_set = None;
-        if matches!(known.op, Op::ExtInst | Op::ExtInstWithForwardRefsKHR) {
+        if matches!(known.op, Opcode::ExtInst | Opcode::ExtInstWithForwardRefsKHR) {
             extended_set = Some(first);
         }
         let mut index = 0;
@@ -105,10 +103,7 @@ impl Checker<'_> {
                 if self.unknown.contains_key(&id) {
                     return Ok(());
                 }
-                return Err(invalid(
-                    at,
-                    format!("{} names %{}, but nothing defines it", opcode_name(span.opcode), id.0),
-                ));
+                return Err(invalid(at, format!("{} names %{}, but nothing defines it", span.opcode, id.0)));
             };
             record(definition);
             if Some(at) == extended_set {
@@ -128,7 +123,7 @@ impl Checker<'_> {
                 }
                 // Blocks come after those that dominate them, so definitions come before uses.
                 (false, Definition::Result(_, other_block, other_position))
-                    if (other_block, other_position) >= (block, position) && known.op != Op::Phi =>
+                    if (other_block, other_position) >= (block, position) && known.op != Opcode::Phi =>
                 {
                     Err(self.expected(span, at, "a previously defined value"))
                 }
@@ -139,7 +134,7 @@ impl Checker<'_> {
 
     /// Checks a returned value against the function's return type.
     fn check_return(&self, instruction: &Instruction) -> Result<()> {
-        if instruction.opcode != Op::ReturnValue as u16 {
+        if instruction.opcode != Opcode::ReturnValue {
             return Ok(());
         }
         let declared = self.module.functions[self.function as usize].return_type;
@@ -200,21 +195,20 @@ impl Checker<'_> {
         let mut phis_over = false;
         let last = block.instructions.len().saturating_sub(1);
         for (index, instruction) in block.instructions.iter().enumerate() {
-            let is = |op: Op| instruction.opcode == op as u16;
-            if is(Op::Phi) && phis_over {
+            let is = |op: Opcode| instruction.opcode == op;
+            if is(Opcode::Phi) && phis_over {
                 return Err(invalid(
                     instruction.offset as usize,
                     format!("OpPhi follows another instruction of block %{}", block.label.0),
                 ));
             }
-            phis_over |= !is(Op::Phi);
-            if (is(Op::SelectionMerge) || is(Op::LoopMerge)) && index + 1 != last {
+            phis_over |= !is(Opcode::Phi);
+            if (is(Opcode::SelectionMerge) || is(Opcode::LoopMerge)) && index + 1 != last {
                 return Err(invalid(
                     instruction.offset as usize,
                     format!(
                         "{} must immediately precede the terminator of block %{}",
-                        opcode_name(instruction.opcode),
-                        block.label.0
+                        instruction.opcode, block.label.0
                     ),
                 ));
             }
@@ -228,7 +222,7 @@ impl Checker<'_> {
             at,
             format!(
                 "{}: expected {what}, found {}",
-                opcode_name(span.opcode),
+                span.opcode,
                 self.module.describe_id(Id(self.module.words[at]))
             ),
         )
@@ -236,15 +230,15 @@ impl Checker<'_> {
 }
 
 /// Whether the operand of this index (after result type and result id) names a label.
-fn names_label(op: Op, index: usize) -> bool {
+fn names_label(op: Opcode, index: usize) -> bool {
     match op {
-        Op::Branch | Op::SelectionMerge => index == 0,
-        Op::LoopMerge => index < 2,
-        Op::BranchConditional => index == 1 || index == 2,
+        Opcode::Branch | Opcode::SelectionMerge => index == 0,
+        Opcode::LoopMerge => index < 2,
+        Opcode::BranchConditional => index == 1 || index == 2,
         // The operands are a selector, a default label, then pairs of literal and label.
-        Op::Switch => index % 2 == 1,
+        Opcode::Switch => index % 2 == 1,
         // The operands are pairs of value and parent.
-        Op::Phi => index % 2 == 1,
+        Opcode::Phi => index % 2 == 1,
         _ => false,
     }
 }
@@ -321,9 +315,9 @@ mod tests {
     #[test]
     fn switch_and_phi_name_labels_at_odd_operands() {
         // OpSwitch %selector %default 0 %a: the grammar shows the literal as one operand.
-        assert!(!names_label(Op::Switch, 0) && names_label(Op::Switch, 1));
-        assert!(!names_label(Op::Switch, 2) && names_label(Op::Switch, 3));
-        assert!(!names_label(Op::Phi, 0) && names_label(Op::Phi, 1));
-        assert!(names_label(Op::LoopMerge, 1) && !names_label(Op::LoopMerge, 2));
+        assert!(!names_label(Opcode::Switch, 0) && names_label(Opcode::Switch, 1));
+        assert!(!names_label(Opcode::Switch, 2) && names_label(Opcode::Switch, 3));
+        assert!(!names_label(Opcode::Phi, 0) && names_label(Opcode::Phi, 1));
+        assert!(names_label(Opcode::LoopMerge, 1) && !names_label(Opcode::LoopMerge, 2));
     }
 }

@@ -1,12 +1,10 @@
 //! Checks accesses of composites: indices are in bounds, and loads and stores have the type of the
 //! pointee.
 
-use rspirv::spirv::Op;
-
-use crate::module::grammar::{opcode, opcode_name};
+use crate::module::grammar::InstructionGrammar;
 use crate::module::span::{invalid, span_of};
 use crate::module::ty::{Type, TypeId};
-use crate::module::{Id, Instruction, Module};
+use crate::module::{Id, Instruction, Module, Opcode};
 use anyhit_base::error::{Error, Result};
 
 /// Checks one instruction. Those that access no composite or memory are accepted.
@@ -16,38 +14,38 @@ use anyhit_base::error::{Error, Result};
 /// vector, matrix or array, indexes a scalar, or leads to another type than the instruction has;
 /// where the values of a phi or the pointees of a memory copy have different types.
 pub(super) fn instruction(module: &Module, instruction: &Instruction) -> Result<()> {
-    let Some(known) = opcode(instruction.opcode) else { return Ok(()) };
+    let Some(known) = InstructionGrammar::of(instruction.opcode) else { return Ok(()) };
     let first = instruction.operands.start as usize;
     let result_type = || instruction.result_type.and_then(|id| module.type_with_id(id));
     let access = AccessChecker { module, instruction };
     match known.op {
-        Op::CompositeExtract => {
+        Opcode::CompositeExtract => {
             let Some(composite) = access.value_type(first)? else { return Ok(()) };
             let found = access.literal_path(composite, first + 1)?;
             access.check_same_type(found, result_type(), span_of(instruction).start + 1)
         }
-        Op::CompositeInsert => {
+        Opcode::CompositeInsert => {
             let (object, composite) = (access.value_type(first)?, access.value_type(first + 1)?);
             let Some(composite) = composite else { return Ok(()) };
             access.check_same_type(Some(composite), result_type(), first + 1)?;
             let found = access.literal_path(composite, first + 2)?;
             access.check_same_type(found, object, first)
         }
-        Op::AccessChain | Op::InBoundsAccessChain => {
+        Opcode::AccessChain | Opcode::InBoundsAccessChain => {
             let Some(base) = access.pointee(first)? else { return Ok(()) };
             let found = access.id_path(base, first + 1)?;
             access.result_pointer(found, result_type())
         }
-        Op::PtrAccessChain | Op::InBoundsPtrAccessChain => {
+        Opcode::PtrAccessChain | Opcode::InBoundsPtrAccessChain => {
             let Some(base) = access.pointee(first)? else { return Ok(()) };
             let found = access.id_path(base, first + 2)?;
             access.result_pointer(found, result_type())
         }
-        Op::Load => {
+        Opcode::Load => {
             let Some(pointee) = access.pointee(first)? else { return Ok(()) };
             access.check_same_type(Some(pointee), result_type(), span_of(instruction).start + 1)
         }
-        Op::Store => {
+        Opcode::Store => {
             let Some(pointee) = access.pointee(first)? else { return Ok(()) };
             access.check_same_type(
                 Some(pointee),
@@ -55,11 +53,11 @@ pub(super) fn instruction(module: &Module, instruction: &Instruction) -> Result<
                 first + 1,
             )
         }
-        Op::CopyMemory => {
+        Opcode::CopyMemory => {
             let (to, from) = (access.pointee(first)?, access.pointee(first + 1)?);
             access.check_same_type(to, from, first + 1)
         }
-        Op::Phi => {
+        Opcode::Phi => {
             let result = result_type();
             let values = instruction.operands.clone().step_by(2).map(|at| at as usize);
             values
@@ -161,7 +159,7 @@ impl AccessChecker<'_> {
                     at,
                     format!(
                         "{}: cannot index into {}",
-                        opcode_name(self.instruction.opcode),
+                        self.instruction.opcode,
                         self.module.describe_type(ty)
                     ),
                 ));
@@ -174,7 +172,7 @@ impl AccessChecker<'_> {
                 at,
                 format!(
                     "{}: index {} is out of range: {} has {} parts",
-                    opcode_name(self.instruction.opcode),
+                    self.instruction.opcode,
                     index.unwrap_or_default() as i64,
                     self.module.describe_type(ty),
                     count.unwrap_or_default()
@@ -188,8 +186,10 @@ impl AccessChecker<'_> {
     /// `OpAccessChain` past the end is undefined only if the pointer is used, and shaders may
     /// compute one and never use it.
     fn checked_length(&self, length: Option<u64>) -> Option<u64> {
-        let literal =
-            matches!(opcode(self.instruction.opcode)?.op, Op::CompositeExtract | Op::CompositeInsert);
+        let literal = matches!(
+            InstructionGrammar::of(self.instruction.opcode)?.op,
+            Opcode::CompositeExtract | Opcode::CompositeInsert
+        );
         length.filter(|_| literal)
     }
 
@@ -200,7 +200,7 @@ impl AccessChecker<'_> {
                 at,
                 format!(
                     "{}: expected the type {}, found {}",
-                    opcode_name(self.instruction.opcode),
+                    self.instruction.opcode,
                     self.module.describe_type(expected),
                     self.module.describe_type(found)
                 ),
@@ -225,7 +225,7 @@ impl AccessChecker<'_> {
             at,
             format!(
                 "{}: expected {what}, found {}",
-                opcode_name(self.instruction.opcode),
+                self.instruction.opcode,
                 self.module.describe_id(Id(self.module.words[at]))
             ),
         )

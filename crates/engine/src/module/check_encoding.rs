@@ -8,14 +8,12 @@
 //! This is looser than the text for `OpUndef`, which compilers emit, and for `NonSemantic`
 //! instructions, which must not change what a module means.
 
-use rspirv::spirv::Op;
-
 use crate::math::float_format::FloatFormat;
 use crate::module::constant::ConstantValue;
-use crate::module::grammar::{is_id, opcode_name, walk};
+use crate::module::grammar::{is_id, walk};
 use crate::module::span::{invalid, span_of};
 use crate::module::ty::{Type, TypeId};
-use crate::module::{Definition, Id, Instruction, Module};
+use crate::module::{Definition, Id, Instruction, Module, Opcode};
 use anyhit_base::error::{Error, ErrorKind, Place, Result};
 
 /// `SaturatedToLargestFloat8NormalConversionEXT`
@@ -70,7 +68,7 @@ pub(super) fn instruction(module: &Module, encoded: &EncodedTypes, instruction: 
     if !encoded.any {
         return Ok(());
     }
-    let Some(op) = Op::from_u32(instruction.opcode.into()) else { return Ok(()) };
+    let op = instruction.opcode;
     let at = instruction.offset as usize;
     if let Some(id) = instruction.result {
         check_saturation(module, encoded, id, instruction.result_type, op, at)?;
@@ -99,7 +97,7 @@ pub(super) fn constants(module: &Module, encoded: &EncodedTypes) -> Result<()> {
     }
     for constant in &module.constants {
         let ConstantValue::Operation { opcode, operands } = &constant.value else { continue };
-        let Some(op) = Op::from_u32((*opcode).into()) else { continue };
+        let op = *opcode;
         let at = constant.offset as usize;
         check_saturation(module, encoded, constant.id, module.id_of_type(constant.ty), op, at)?;
         if !allows_every_encoding(op) {
@@ -112,30 +110,30 @@ pub(super) fn constants(module: &Module, encoded: &EncodedTypes) -> Result<()> {
 }
 
 /// Whether an instruction is in one of the sections that both extensions name.
-fn allows_every_encoding(op: Op) -> bool {
+fn allows_every_encoding(op: Opcode) -> bool {
     matches!(
         op,
         // Memory and functions.
-        Op::Variable | Op::Load | Op::Store | Op::CopyMemory | Op::CopyMemorySized
-        | Op::Function | Op::FunctionParameter | Op::FunctionCall | Op::ReturnValue
-        | Op::LifetimeStart | Op::LifetimeStop
+        Opcode::Variable | Opcode::Load | Opcode::Store | Opcode::CopyMemory | Opcode::CopyMemorySized
+        | Opcode::Function | Opcode::FunctionParameter | Opcode::FunctionCall | Opcode::ReturnValue
+        | Opcode::LifetimeStart | Opcode::LifetimeStop
         // Conversions.
-        | Op::ConvertFToU | Op::ConvertFToS | Op::ConvertSToF | Op::ConvertUToF | Op::UConvert
-        | Op::SConvert | Op::FConvert | Op::QuantizeToF16 | Op::SatConvertSToU | Op::SatConvertUToS
-        | Op::ConvertPtrToU | Op::ConvertUToPtr | Op::Bitcast
+        | Opcode::ConvertFToU | Opcode::ConvertFToS | Opcode::ConvertSToF | Opcode::ConvertUToF | Opcode::UConvert
+        | Opcode::SConvert | Opcode::FConvert | Opcode::QuantizeToF16 | Opcode::SatConvertSToU | Opcode::SatConvertUToS
+        | Opcode::ConvertPtrToU | Opcode::ConvertUToPtr | Opcode::Bitcast
         // Composites.
-        | Op::VectorExtractDynamic | Op::VectorInsertDynamic | Op::VectorShuffle
-        | Op::CompositeConstruct | Op::CompositeExtract | Op::CompositeInsert | Op::CopyObject
-        | Op::Transpose | Op::CopyLogical | Op::CompositeConstructReplicateEXT
-        | Op::CooperativeMatrixMulAddKHR | Op::CooperativeMatrixLengthKHR
-        | Op::CooperativeMatrixLoadKHR | Op::CooperativeMatrixStoreKHR
-        | Op::Select | Op::Phi | Op::Undef
+        | Opcode::VectorExtractDynamic | Opcode::VectorInsertDynamic | Opcode::VectorShuffle
+        | Opcode::CompositeConstruct | Opcode::CompositeExtract | Opcode::CompositeInsert | Opcode::CopyObject
+        | Opcode::Transpose | Opcode::CopyLogical | Opcode::CompositeConstructReplicateEXT
+        | Opcode::CooperativeMatrixMulAddKHR | Opcode::CooperativeMatrixLengthKHR
+        | Opcode::CooperativeMatrixLoadKHR | Opcode::CooperativeMatrixStoreKHR
+        | Opcode::Select | Opcode::Phi | Opcode::Undef | Opcode::PoisonKHR | Opcode::FreezeKHR
     )
 }
 
 /// The instruction set of an `OpExtInst`.
-fn extension_of<'m>(module: &'m Module, op: Op, operands: &[u32]) -> Option<&'m str> {
-    if !matches!(op, Op::ExtInst | Op::ExtInstWithForwardRefsKHR) {
+fn extension_of<'m>(module: &'m Module, op: Opcode, operands: &[u32]) -> Option<&'m str> {
+    if !matches!(op, Opcode::ExtInst | Opcode::ExtInstWithForwardRefsKHR) {
         return None;
     }
     match module.definition(Id(*operands.first()?)) {
@@ -147,20 +145,20 @@ fn extension_of<'m>(module: &'m Module, op: Op, operands: &[u32]) -> Option<&'m 
 fn check_value(
     module: &Module,
     encoded: &EncodedTypes,
-    op: Op,
+    op: Opcode,
     extension: Option<&str>,
     id: Id,
     at: usize,
 ) -> Result<()> {
     let Some(format) = encoded.of_value(module, id) else { return Ok(()) };
     let (allowed, section) = match format {
-        FloatFormat::BFloat16 => (op == Op::Dot, "SPV_KHR_bfloat16, Validation Rules"),
+        FloatFormat::BFloat16 => (op == Opcode::Dot, "SPV_KHR_bfloat16, Validation Rules"),
         _ => (extension.is_some(), "SPV_EXT_float8, Validation Rules"),
     };
     if allowed || extension.is_some_and(|set| set.starts_with("NonSemantic.")) {
         return Ok(());
     }
-    let name = opcode_name(op as u16);
+    let name = op;
     let described = module.describe_id(id);
     if format == FloatFormat::BFloat16 && module.capabilities.contains(&BFLOAT16_ARITHMETIC) {
         let message = format!("{name} on bfloat16_t (BFloat16ArithmeticINTEL)");
@@ -175,7 +173,7 @@ fn check_saturation(
     encoded: &EncodedTypes,
     id: Id,
     ty: Option<Id>,
-    op: Op,
+    op: Opcode,
     at: usize,
 ) -> Result<()> {
     if module.decorations.find(id, SATURATED).is_none() {
@@ -184,7 +182,7 @@ fn check_saturation(
     // Components of a type that is not known here, as of a cooperative matrix, may be such floats.
     let is_opaque = |ty: Id| module.type_with_id(ty).is_some_and(|ty| module.is_opaque(ty));
     let format = ty.and_then(|ty| encoded.of_value(module, ty));
-    let converts = matches!(op, Op::FConvert | Op::ConvertSToF | Op::ConvertUToF);
+    let converts = matches!(op, Opcode::FConvert | Opcode::ConvertSToF | Opcode::ConvertUToF);
     match format {
         Some(FloatFormat::E4M3 | FloatFormat::E5M2) if converts => Ok(()),
         None if converts && ty.is_some_and(is_opaque) => Ok(()),
@@ -193,7 +191,7 @@ fn check_saturation(
             format!(
                 "SaturatedToLargestFloat8NormalConversionEXT applies to OpFConvert, OpConvertSToF and \
                  OpConvertUToF to an 8-bit float, not to {} (SPV_EXT_float8, Decoration)",
-                opcode_name(op as u16)
+                op
             ),
         )),
     }

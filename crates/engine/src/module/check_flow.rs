@@ -1,11 +1,10 @@
 //! Checks the control-flow graph of each function: targets of branches, and parents of `OpPhi`.
 
-use rspirv::spirv::Op;
 use smallvec::{SmallVec, smallvec};
 
-use crate::module::grammar::opcode;
+use crate::module::grammar::InstructionGrammar;
 use crate::module::span::invalid;
-use crate::module::{BasicBlock, Definition, Function, Id, Instruction, Module};
+use crate::module::{BasicBlock, Definition, Function, Id, Instruction, Module, Opcode};
 use anyhit_base::error::Result;
 
 /// Checks the edges between the blocks of every function.
@@ -17,8 +16,7 @@ pub(super) fn functions(module: &Module) -> Result<()> {
     for function in &module.functions {
         let predecessors = predecessors(module, function)?;
         for (index, block) in function.blocks.iter().enumerate() {
-            let phis =
-                block.instructions.iter().take_while(|instruction| instruction.opcode == Op::Phi as u16);
+            let phis = block.instructions.iter().take_while(|instruction| instruction.opcode == Opcode::Phi);
             for phi in phis {
                 check_phi(module, function, &predecessors[index], phi)?;
             }
@@ -81,5 +79,5 @@ fn check_phi(module: &Module, function: &Function, predecessors: &[u32], phi: &I
 
 /// Whether a block ends with an unknown opcode, so that its successors are not known.
 fn ends_in_unknown_opcode(block: &BasicBlock) -> bool {
-    block.instructions.last().is_some_and(|last| opcode(last.opcode).is_none())
+    block.instructions.last().is_some_and(|last| InstructionGrammar::of(last.opcode).is_none())
 }

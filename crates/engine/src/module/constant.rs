@@ -4,7 +4,7 @@ use std::sync::OnceLock;
 
 use crate::module::scalar_value::ScalarValue;
 use crate::module::ty::{Type, TypeId};
-use crate::module::{Definition, Id, Module};
+use crate::module::{Definition, Id, Module, Opcode};
 use anyhit_base::error::{Error, ErrorKind, Result};
 use anyhit_base::sorted::sort;
 
@@ -37,15 +37,15 @@ pub enum ConstantValue {
     Null,
     /// `OpUndef` at module scope.
     Undef,
-    /// `OpSpecConstantOp`: the opcode's number and its operand words.
+    /// `OpSpecConstantOp`: the opcode and its operand words.
     Operation {
-        /// The opcode's number.
-        opcode: u16,
+        /// The opcode.
+        opcode: Opcode,
         /// The words after the opcode.
         operands: Vec<u32>,
     },
-    /// A kind that this crate does not evaluate (`OpConstantSampler`, ...): the opcode's number.
-    Other(u16),
+    /// A kind that this crate does not evaluate (`OpConstantSampler`, ...).
+    Other(Opcode),
 }
 
 impl Module {
@@ -161,8 +161,8 @@ impl Module {
 
 #[cfg(test)]
 mod tests {
+    use crate::module::Opcode;
     use pretty_assertions::assert_eq;
-    use rspirv::spirv::Op;
 
     use crate::module::Id;
     use crate::module::assemble::Assembler;
@@ -171,15 +171,15 @@ mod tests {
     #[test]
     fn specialization_replaces_the_default_in_the_types_width() {
         let mut a = Assembler::new();
-        a.with_string(Op::Name, &[20], "samples", &[]);
-        a.op(Op::Decorate, &[20, 1, 3]);
-        a.op(Op::Decorate, &[21, 1, 4]);
-        a.op(Op::Decorate, &[22, 1, 5]);
+        a.with_string(Opcode::Name, &[20], "samples", &[]);
+        a.op(Opcode::Decorate, &[20, 1, 3]);
+        a.op(Opcode::Decorate, &[21, 1, 4]);
+        a.op(Opcode::Decorate, &[22, 1, 5]);
         a.types();
-        a.op(Op::SpecConstant, &[5, 20, 16]);
-        a.op(Op::SpecConstantTrue, &[3, 21]);
-        a.op(Op::TypeInt, &[23, 64, 0]);
-        a.op(Op::SpecConstant, &[23, 22, 1, 2]);
+        a.op(Opcode::SpecConstant, &[5, 20, 16]);
+        a.op(Opcode::SpecConstantTrue, &[3, 21]);
+        a.op(Opcode::TypeInt, &[23, 64, 0]);
+        a.op(Opcode::SpecConstant, &[23, 22, 1, 2]);
         let mut module = a.loaded();
         let value = |module: &crate::module::Module, id| module.scalar_value(Id(id));
         assert_eq!([20, 21, 22].map(|id| value(&module, id)), [Some(16), Some(1), Some(0x2_0000_0001)]);
@@ -207,11 +207,11 @@ mod tests {
     #[test]
     fn narrow_constants_lose_the_sign_bits_above_their_width() {
         let mut a = Assembler::new();
-        a.op(Op::TypeInt, &[1, 16, 1]);
+        a.op(Opcode::TypeInt, &[1, 16, 1]);
         // -2 as a 16-bit integer: sign-extended in its word (specification, section 2.2.1).
-        a.op(Op::Constant, &[1, 2, 0xffff_fffe]);
-        a.op(Op::ConstantNull, &[1, 3]);
-        a.op(Op::Undef, &[1, 4]);
+        a.op(Opcode::Constant, &[1, 2, 0xffff_fffe]);
+        a.op(Opcode::ConstantNull, &[1, 3]);
+        a.op(Opcode::Undef, &[1, 4]);
         let module = a.loaded();
         assert_eq!([2, 3, 4].map(|id| module.constant_scalar(Id(id))), [Some(0xfffe), Some(0), None]);
     }

@@ -7,12 +7,12 @@
 use std::collections::HashMap;
 use std::sync::Arc;
 
-use rspirv::spirv::{NonsemanticShaderDebuginfo100Op as DebugOp, Op};
+use rspirv::spirv::NonsemanticShaderDebuginfo100Op as DebugOp;
 
 use crate::module::debug_info::{DebugInfo, SourceFile, SourceLine};
 use crate::module::span::Span;
 use crate::module::words::lossy_string;
-use crate::module::{Id, Module};
+use crate::module::{Id, Module, Opcode};
 use anyhit_base::escape;
 
 /// Collects debug information in the order of the module.
@@ -75,35 +75,35 @@ impl<'w> DebugReader<'w> {
     }
 
     /// Reads an instruction of the core grammar.
-    pub(super) fn core(&mut self, span: Span, op: Op) {
+    pub(super) fn core(&mut self, span: Span, op: Opcode) {
         let words = &self.words[span.operands()];
         match (op, words) {
-            (Op::Name, [target, name @ ..]) => {
+            (Opcode::Name, [target, name @ ..]) => {
                 self.info.names.entry(Id(*target)).or_insert_with(|| name_of(name));
             }
-            (Op::MemberName, [target, member, name @ ..]) => {
+            (Opcode::MemberName, [target, member, name @ ..]) => {
                 self.info.member_names.entry((Id(*target), *member)).or_insert_with(|| name_of(name));
             }
-            (Op::String, [id, text @ ..]) => {
+            (Opcode::String, [id, text @ ..]) => {
                 self.info.strings.insert(Id(*id), lossy_string(text).into());
             }
-            (Op::Source, [_, _, file, text @ ..]) => {
+            (Opcode::Source, [_, _, file, text @ ..]) => {
                 self.open_source = self.file(Id(*file));
                 if let (Some(file), false) = (self.open_source, text.is_empty()) {
                     self.add_text(file, &lossy_string(text));
                 }
             }
-            (Op::Source, _) => self.open_source = None,
-            (Op::SourceContinued, text) => {
+            (Opcode::Source, _) => self.open_source = None,
+            (Opcode::SourceContinued, text) => {
                 if let Some(file) = self.open_source {
                     self.add_text(file, &lossy_string(text));
                 }
             }
-            (Op::Line, [file, line, column]) => {
+            (Opcode::Line, [file, line, column]) => {
                 let line = self.file(Id(*file)).map(|file| SourceLine { file, line: *line, column: *column });
                 self.set_line(span.end, line);
             }
-            (Op::NoLine, _) => self.set_line(span.end, None),
+            (Opcode::NoLine, _) => self.set_line(span.end, None),
             _ => {}
         }
     }
@@ -238,30 +238,30 @@ mod tests {
     const VOID: u32 = 1;
 
     fn debug(a: &mut Assembler, id: u32, op: DebugOp, operands: &[u32]) {
-        a.op(Op::ExtInst, &[&[VOID, id, SET, op as u32], operands].concat());
+        a.op(Opcode::ExtInst, &[&[VOID, id, SET, op as u32], operands].concat());
     }
 
     /// Strings, then module scope with the usual types and a debug source of two parts.
     fn module_scope() -> Assembler {
         let mut a = Assembler::new();
-        a.with_string(Op::Extension, &[], "SPV_KHR_non_semantic_info", &[]);
-        a.with_string(Op::ExtInstImport, &[SET], "NonSemantic.Shader.DebugInfo.100", &[]);
-        a.with_string(Op::String, &[110], "hit.slang", &[]);
-        a.with_string(Op::String, &[111], "float f;\n", &[]);
-        a.with_string(Op::String, &[112], "float g;\n", &[]);
-        a.with_string(Op::String, &[113], "closestHit", &[]);
-        a.with_string(Op::String, &[114], "colour", &[]);
-        a.with_string(Op::String, &[115], "scene", &[]);
+        a.with_string(Opcode::Extension, &[], "SPV_KHR_non_semantic_info", &[]);
+        a.with_string(Opcode::ExtInstImport, &[SET], "NonSemantic.Shader.DebugInfo.100", &[]);
+        a.with_string(Opcode::String, &[110], "hit.slang", &[]);
+        a.with_string(Opcode::String, &[111], "float f;\n", &[]);
+        a.with_string(Opcode::String, &[112], "float g;\n", &[]);
+        a.with_string(Opcode::String, &[113], "closestHit", &[]);
+        a.with_string(Opcode::String, &[114], "colour", &[]);
+        a.with_string(Opcode::String, &[115], "scene", &[]);
         a.types();
-        a.op(Op::Constant, &[5, 120, 7]);
-        a.op(Op::Constant, &[5, 121, 9]);
-        a.op(Op::TypePointer, &[122, 7, 6]);
-        a.op(Op::TypePointer, &[123, 6, 6]);
+        a.op(Opcode::Constant, &[5, 120, 7]);
+        a.op(Opcode::Constant, &[5, 121, 9]);
+        a.op(Opcode::TypePointer, &[122, 7, 6]);
+        a.op(Opcode::TypePointer, &[123, 6, 6]);
         debug(&mut a, 130, DebugOp::DebugSource, &[110, 111]);
         debug(&mut a, 131, DebugOp::DebugSourceContinued, &[112]);
         debug(&mut a, 132, DebugOp::DebugFunction, &[113, 8, 130, 8, 8, 8, 113, 8, 8]);
         debug(&mut a, 133, DebugOp::DebugLocalVariable, &[114, 8, 130, 8, 8, 132, 8]);
-        a.op(Op::Variable, &[123, 140, 6]);
+        a.op(Opcode::Variable, &[123, 140, 6]);
         debug(&mut a, 134, DebugOp::DebugGlobalVariable, &[115, 8, 130, 8, 8, 132, 115, 140, 8]);
         a
     }
@@ -271,13 +271,13 @@ mod tests {
         let mut a = module_scope();
         a.function(50, 51, |a| {
             debug(a, 150, DebugOp::DebugFunctionDefinition, &[132, 50]);
-            a.op(Op::Variable, &[122, 52, 7]);
+            a.op(Opcode::Variable, &[122, 52, 7]);
             debug(a, 151, DebugOp::DebugDeclare, &[133, 52, 8]);
             debug(a, 152, DebugOp::DebugLine, &[130, 120, 120, 121, 121]);
-            a.op(Op::Load, &[6, 53, 52]);
+            a.op(Opcode::Load, &[6, 53, 52]);
             debug(a, 153, DebugOp::DebugNoLine, &[]);
-            a.op(Op::Load, &[6, 54, 52]);
-            a.op(Op::Return, &[]);
+            a.op(Opcode::Load, &[6, 54, 52]);
+            a.op(Opcode::Return, &[]);
         });
         let module = a.loaded();
         let info = &module.debug_info;
@@ -289,7 +289,7 @@ mod tests {
             [Some("closestHit"), Some("colour"), Some("scene"), None]
         );
         let instructions = &module.functions[0].blocks[0].instructions;
-        assert_eq!(instructions.iter().map(|one| one.opcode).collect::<Vec<_>>(), [59, 61, 61, 253]);
+        assert_eq!(instructions.iter().map(|one| one.opcode.0).collect::<Vec<_>>(), [59, 61, 61, 253]);
         assert_eq!(info.line_at(instructions[1].offset), Some(SourceLine { file: 0, line: 7, column: 9 }));
         assert_eq!(info.line_at(instructions[2].offset), None);
     }
@@ -297,28 +297,28 @@ mod tests {
     #[test]
     fn broken_debug_information_is_no_error() {
         let mut a = Assembler::new();
-        a.with_string(Op::ExtInstImport, &[SET], "NonSemantic.Shader.DebugInfo.102", &[]);
-        a.with_string(Op::ExtInstImport, &[101], "NonSemantic.Whatever", &[]);
-        a.op(Op::Name, &[]);
-        a.op(Op::Name, &[999]);
-        a.op(Op::Name, &[998, 0x6161_6161]);
-        a.op(Op::MemberName, &[6, 77, 0]);
-        a.op(Op::String, &[110, 0xffff_ffff]);
-        a.op(Op::Source, &[]);
-        a.op(Op::Source, &[2, 460, 555]);
-        a.op(Op::SourceContinued, &[0x6161_6161]);
+        a.with_string(Opcode::ExtInstImport, &[SET], "NonSemantic.Shader.DebugInfo.102", &[]);
+        a.with_string(Opcode::ExtInstImport, &[101], "NonSemantic.Whatever", &[]);
+        a.op(Opcode::Name, &[]);
+        a.op(Opcode::Name, &[999]);
+        a.op(Opcode::Name, &[998, 0x6161_6161]);
+        a.op(Opcode::MemberName, &[6, 77, 0]);
+        a.op(Opcode::String, &[110, 0xffff_ffff]);
+        a.op(Opcode::Source, &[]);
+        a.op(Opcode::Source, &[2, 460, 555]);
+        a.op(Opcode::SourceContinued, &[0x6161_6161]);
         a.types();
-        a.op(Op::Line, &[555, 1]);
+        a.op(Opcode::Line, &[555, 1]);
         debug(&mut a, 130, DebugOp::DebugSource, &[]);
         debug(&mut a, 131, DebugOp::DebugSource, &[777]);
         debug(&mut a, 131, DebugOp::DebugFunction, &[6]);
-        a.op(Op::ExtInstWithForwardRefsKHR, &[VOID, 132, SET, 5000, 900, 901]);
-        a.op(Op::ExtInst, &[VOID, 6, 101, 1]);
+        a.op(Opcode::ExtInstWithForwardRefsKHR, &[VOID, 132, SET, 5000, 900, 901]);
+        a.op(Opcode::ExtInst, &[VOID, 6, 101, 1]);
         a.function(50, 51, |a| {
             debug(a, 150, DebugOp::DebugLine, &[131, 6, 6, 6, 6]);
             debug(a, 151, DebugOp::DebugLine, &[130]);
             debug(a, 152, DebugOp::DebugDeclare, &[6, 7]);
-            a.op(Op::Return, &[]);
+            a.op(Opcode::Return, &[]);
         });
         let module = a.loaded();
         assert_eq!(module.name(Id(998)), Some("aaaa"));
@@ -329,13 +329,13 @@ mod tests {
     #[test]
     fn printf_is_kept_with_its_format() {
         let mut a = Assembler::new();
-        a.with_string(Op::ExtInstImport, &[SET], "NonSemantic.DebugPrintf", &[]);
-        a.with_string(Op::String, &[110], "t = %f", &[]);
+        a.with_string(Opcode::ExtInstImport, &[SET], "NonSemantic.DebugPrintf", &[]);
+        a.with_string(Opcode::String, &[110], "t = %f", &[]);
         a.types();
-        a.op(Op::Constant, &[6, 120, 0]);
+        a.op(Opcode::Constant, &[6, 120, 0]);
         a.function(50, 51, |a| {
-            a.op(Op::ExtInst, &[VOID, 150, SET, 1, 110, 120]);
-            a.op(Op::Return, &[]);
+            a.op(Opcode::ExtInst, &[VOID, 150, SET, 1, 110, 120]);
+            a.op(Opcode::Return, &[]);
         });
         let module = a.loaded();
         let instructions = &module.functions[0].blocks[0].instructions;
@@ -347,7 +347,7 @@ mod tests {
     fn a_text_that_is_continued_with_itself_over_and_over_stays_small() {
         let mut a = module_scope();
         let long = "x".repeat(200_000);
-        a.with_string(Op::String, &[160], &long, &[]);
+        a.with_string(Opcode::String, &[160], &long, &[]);
         for id in 0..1000 {
             debug(&mut a, 200 + id % 700, DebugOp::DebugSourceContinued, &[160]);
         }

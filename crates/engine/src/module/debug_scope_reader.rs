@@ -3,13 +3,13 @@
 
 use std::collections::{HashMap, HashSet};
 
-use rspirv::spirv::{NonsemanticShaderDebuginfo100Op as DebugOp, Op};
+use rspirv::spirv::NonsemanticShaderDebuginfo100Op as DebugOp;
 
 use crate::module::debug_scopes::{
     DebugScopes, InlinedCall, LexicalScope, LocationForm, ScopePosition, SourceType, SourceVariable,
     VariableLocation,
 };
-use crate::module::{Definition, Id, Module};
+use crate::module::{Definition, Id, Module, Opcode};
 
 /// `Deref`, of `DebugOperation`.
 const DEREF: u32 = 0;
@@ -37,9 +37,10 @@ fn read(module: &Module) -> DebugScopes {
     while let Some(&first) = words.get(offset) {
         let (count, opcode) = ((first >> 16) as usize, first & 0xFFFF);
         let Some(operands) = words.get(offset + 1..offset + count).filter(|_| count > 0) else { break };
-        if opcode == Op::ExtInst as u32 || opcode == Op::ExtInstWithForwardRefsKHR as u32 {
+        if opcode == u32::from(Opcode::ExtInst.0) || opcode == u32::from(Opcode::ExtInstWithForwardRefsKHR.0)
+        {
             reader.instruction(offset as u32, operands);
-        } else if opcode == Op::Label as u32 || opcode == Op::FunctionEnd as u32 {
+        } else if opcode == u32::from(Opcode::Label.0) || opcode == u32::from(Opcode::FunctionEnd.0) {
             // A scope holds to the end of its block.
             reader.position = None;
         }

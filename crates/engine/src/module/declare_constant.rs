@@ -2,22 +2,20 @@
 //!
 //! SPIR-V specification, section 3.3.7 "Constant-Creation Instructions".
 
-use rspirv::spirv::Op;
-
-use crate::module::Definition;
 use crate::module::constant::{Constant, ConstantValue};
 use crate::module::declare_type::unsupported_continuation;
-use crate::module::grammar::{Opcode, opcode_name};
+use crate::module::grammar::InstructionGrammar;
 use crate::module::load::Loader;
 use crate::module::span::{Span, invalid};
 use crate::module::ty::{Type, TypeId};
+use crate::module::{Definition, Opcode};
 use anyhit_base::error::Result;
 use anyhit_base::input::InputLimit;
 
 impl Loader<'_> {
     /// How many words the value of an `OpConstant` or `OpSpecConstant` takes; 1 for anything else.
-    pub(super) fn literal_words(&self, span: Span, known: &Opcode) -> usize {
-        if !matches!(known.op, Op::Constant | Op::SpecConstant) || span.end < span.start + 2 {
+    pub(super) fn literal_words(&self, span: Span, known: &InstructionGrammar) -> usize {
+        if !matches!(known.op, Opcode::Constant | Opcode::SpecConstant) || span.end < span.start + 2 {
             return 1;
         }
         match self.module.definition(self.id(span.start + 1)) {
@@ -31,7 +29,7 @@ impl Loader<'_> {
         }
     }
 
-    pub(super) fn declare_constant(&mut self, span: Span, known: &Opcode) -> Result<()> {
+    pub(super) fn declare_constant(&mut self, span: Span, known: &InstructionGrammar) -> Result<()> {
         if !known.has_result {
             return Err(unsupported_continuation(span));
         }
@@ -55,16 +53,22 @@ impl Loader<'_> {
         Ok(())
     }
 
-    fn constant_value(&self, span: Span, op: Op, ty: TypeId) -> Result<ConstantValue> {
+    fn constant_value(&self, span: Span, op: Opcode, ty: TypeId) -> Result<ConstantValue> {
         let at = span.start + 3;
         Ok(match op {
-            Op::ConstantTrue | Op::ConstantFalse | Op::SpecConstantTrue | Op::SpecConstantFalse => {
+            Opcode::ConstantTrue
+            | Opcode::ConstantFalse
+            | Opcode::SpecConstantTrue
+            | Opcode::SpecConstantFalse => {
                 if *self.module.ty(ty) != Type::Bool {
                     return Err(self.expected(span, span.start + 1, "OpTypeBool"));
                 }
-                ConstantValue::Scalar(u64::from(matches!(op, Op::ConstantTrue | Op::SpecConstantTrue)))
+                ConstantValue::Scalar(u64::from(matches!(
+                    op,
+                    Opcode::ConstantTrue | Opcode::SpecConstantTrue
+                )))
             }
-            Op::Constant | Op::SpecConstant => match *self.module.ty(ty) {
+            Opcode::Constant | Opcode::SpecConstant => match *self.module.ty(ty) {
                 Type::Int { width, .. } | Type::Float { width, .. } => {
                     let high = if width == 64 { u64::from(self.words[at + 1]) } else { 0 };
                     let bits = high << 32 | u64::from(self.words[at]);
@@ -73,16 +77,16 @@ impl Loader<'_> {
                 Type::Other(_) => ConstantValue::Other(span.opcode),
                 _ => return Err(self.expected(span, span.start + 1, "an integer or float type")),
             },
-            Op::ConstantComposite | Op::SpecConstantComposite => {
+            Opcode::ConstantComposite | Opcode::SpecConstantComposite => {
                 self.check_constituents(span, ty)?;
                 ConstantValue::Composite((at..span.end).map(|at| self.id(at)).collect())
             }
-            Op::ConstantNull => ConstantValue::Null,
-            Op::Undef => ConstantValue::Undef,
-            Op::SpecConstantOp => ConstantValue::Operation {
+            Opcode::ConstantNull => ConstantValue::Null,
+            Opcode::Undef | Opcode::PoisonKHR => ConstantValue::Undef,
+            Opcode::SpecConstantOp => ConstantValue::Operation {
                 // An opcode that does not fit 16 bits cannot exist: it is refused where it is
                 // needed.
-                opcode: u16::try_from(self.words[at]).unwrap_or(u16::MAX),
+                opcode: Opcode(u16::try_from(self.words[at]).unwrap_or(u16::MAX)),
                 operands: self.words[at + 1..span.end].to_vec(),
             },
             _ => ConstantValue::Other(span.opcode),
@@ -117,7 +121,7 @@ impl Loader<'_> {
         {
             return Err(invalid(
                 span.start,
-                format!("{}: expected {count} constituents, found {found}", opcode_name(span.opcode)),
+                format!("{}: expected {count} constituents, found {found}", span.opcode),
             ));
         }
         for at in at..span.end {

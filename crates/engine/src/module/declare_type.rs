@@ -3,14 +3,14 @@
 //! SPIR-V specification, sections 2.8 "Types and Variables" and 3.3.6 "Type-Declaration
 //! Instructions".
 
-use rspirv::spirv::{Capability, Op};
+use rspirv::spirv::Capability;
 
 use crate::module::constant::ConstantValue;
-use crate::module::grammar::{Opcode, opcode_name};
+use crate::module::grammar::InstructionGrammar;
 use crate::module::load::Loader;
 use crate::module::span::{Span, invalid};
 use crate::module::ty::{BFLOAT16, FLOAT8_E4M3, FLOAT8_E5M2, ImageType, Member, Type, TypeExtent, TypeId};
-use crate::module::{Definition, Id};
+use crate::module::{Definition, Id, Opcode};
 use anyhit_base::error::{Error, ErrorKind, Place, Result};
 use anyhit_base::input::InputLimit;
 
@@ -31,7 +31,7 @@ impl Loader<'_> {
     }
 
     /// Reads any other type declaration.
-    pub(super) fn declare_type(&mut self, span: Span, known: &Opcode) -> Result<()> {
+    pub(super) fn declare_type(&mut self, span: Span, known: &InstructionGrammar) -> Result<()> {
         if !known.has_result {
             return Err(unsupported_continuation(span));
         }
@@ -42,16 +42,16 @@ impl Loader<'_> {
         self.within(InputLimit::TypeParts, extent.parts, span.start)?;
         if must_be_unique(&ty) {
             let mut key = self.words[at + 1..span.end].to_vec();
-            key.push(u32::from(span.opcode));
+            key.push(span.opcode.0.into());
             if let Some(first) = self.unique_types.insert(key, span.start) {
                 return Err(invalid(
                     span.start,
-                    format!("{} repeats the declaration of a type", opcode_name(span.opcode)),
+                    format!("{} repeats the declaration of a type", span.opcode),
                 )
                 .at_with(Place::Word(first), "the first declaration"));
             }
         }
-        if known.op == Op::TypePointer && self.forward.contains_key(&self.id(at)) {
+        if known.op == Opcode::TypePointer && self.forward.contains_key(&self.id(at)) {
             return self.define_forward_pointer(span, ty);
         }
         let id = TypeId(self.module.types.len() as u32);
@@ -87,13 +87,13 @@ impl Loader<'_> {
     }
 
     /// Parses a type; returns it with its extent.
-    fn type_of_words(&mut self, span: Span, op: Op) -> Result<(Type, TypeExtent)> {
+    fn type_of_words(&mut self, span: Span, op: Opcode) -> Result<(Type, TypeExtent)> {
         let at = span.start + 2;
         let words = self.words;
         let ty = match op {
-            Op::TypeVoid => Type::Void,
-            Op::TypeBool => Type::Bool,
-            Op::TypeInt => {
+            Opcode::TypeVoid => Type::Void,
+            Opcode::TypeBool => Type::Bool,
+            Opcode::TypeInt => {
                 let (width, signed) = (words[at], words[at + 1]);
                 if width == 0 || signed > 1 {
                     let message =
@@ -105,7 +105,7 @@ impl Loader<'_> {
                     _ => Type::Other(span.opcode),
                 }
             }
-            Op::TypeFloat => {
+            Opcode::TypeFloat => {
                 let width = words[at];
                 let ty = Type::Float { width, encoding: words[at + 1..span.end].first().copied() };
                 match (ty.float_format(), &ty) {
@@ -129,7 +129,7 @@ impl Loader<'_> {
                     (None, _) => Type::Other(span.opcode),
                 }
             }
-            Op::TypeVector => {
+            Opcode::TypeVector => {
                 let component = self.type_at(span, at)?;
                 if !is_scalar(self.module.ty(component)) {
                     return Err(self.expected(span, at, "a scalar type"));
@@ -138,7 +138,9 @@ impl Loader<'_> {
                 return Ok((Type::Vector { component, count }, self.extent(component).around(count)));
             }
             // OpTypeCooperativeVectorNV has the same number.
-            Op::TypeVectorIdEXT if self.module.capabilities.contains(&(Capability::LongVectorEXT as u32)) => {
+            Opcode::TypeVectorIdEXT
+                if self.module.capabilities.contains(&(Capability::LongVectorEXT as u32)) =>
+            {
                 let component = self.type_at(span, at)?;
                 if !is_scalar(self.module.ty(component)) {
                     return Err(self.expected(span, at, "a scalar type"));
@@ -148,7 +150,7 @@ impl Loader<'_> {
                 let count = if let Type::Vector { count, .. } = ty { count } else { 1 };
                 return Ok((ty, self.extent(component).around(count)));
             }
-            Op::TypeMatrix => {
+            Opcode::TypeMatrix => {
                 let column = self.type_at(span, at)?;
                 if !matches!(self.module.ty(column), Type::Vector { .. }) {
                     return Err(self.expected(span, at, "a vector type"));
@@ -156,16 +158,16 @@ impl Loader<'_> {
                 let count = self.column_count(span, at + 1)?;
                 return Ok((Type::Matrix { column, count }, self.extent(column).around(count)));
             }
-            Op::TypeArray => {
+            Opcode::TypeArray => {
                 let element = self.data_type(span, at)?;
                 let length = self.array_length(span, at + 1)?;
                 return Ok((Type::Array { element, length, stride: None }, self.extent(element).around(1)));
             }
-            Op::TypeRuntimeArray => {
+            Opcode::TypeRuntimeArray => {
                 let element = self.data_type(span, at)?;
                 return Ok((Type::RuntimeArray { element, stride: None }, self.extent(element).around(1)));
             }
-            Op::TypeStruct => {
+            Opcode::TypeStruct => {
                 let mut members = Vec::with_capacity(span.end - at);
                 let mut extent = TypeExtent { depth: 0, parts: 0 };
                 for member in at..span.end {
@@ -183,7 +185,7 @@ impl Loader<'_> {
                 }
                 return Ok((Type::Struct { members, block: false, buffer_block: false }, extent.around(1)));
             }
-            Op::TypePointer => {
+            Opcode::TypePointer => {
                 let pointee = self.type_at(span, at + 1)?;
                 let depth = self.extent(pointee).depth + 1;
                 return Ok((
@@ -191,10 +193,10 @@ impl Loader<'_> {
                     TypeExtent { depth, ..TypeExtent::LEAF },
                 ));
             }
-            Op::TypeUntypedPointerKHR => {
+            Opcode::TypeUntypedPointerKHR => {
                 Type::Pointer { storage_class: words[at], pointee: None, stride: None }
             }
-            Op::TypeFunction => {
+            Opcode::TypeFunction => {
                 let return_type = self.type_at(span, at)?;
                 let mut parameters = Vec::with_capacity(span.end - at - 1);
                 for parameter in at + 1..span.end {
@@ -202,7 +204,7 @@ impl Loader<'_> {
                 }
                 return Ok((Type::Function { return_type, parameters }, TypeExtent::LEAF));
             }
-            Op::TypeImage => Type::Image(ImageType {
+            Opcode::TypeImage => Type::Image(ImageType {
                 sampled_type: self.type_at(span, at)?,
                 dim: words[at + 1],
                 depth: words[at + 2],
@@ -211,18 +213,18 @@ impl Loader<'_> {
                 sampled: words[at + 5],
                 format: words[at + 6],
             }),
-            Op::TypeSampledImage => {
+            Opcode::TypeSampledImage => {
                 let image = self.type_at(span, at)?;
                 if !matches!(self.module.ty(image), Type::Image(_) | Type::Other(_)) {
                     return Err(self.expected(span, at, "an image type"));
                 }
                 Type::SampledImage(image)
             }
-            Op::TypeSampler => Type::Sampler,
-            Op::TypeAccelerationStructureKHR => Type::AccelerationStructure,
-            Op::TypeRayQueryKHR => Type::RayQuery,
-            Op::TypeHitObjectNV => Type::HitObject { ext: false },
-            Op::TypeHitObjectEXT => Type::HitObject { ext: true },
+            Opcode::TypeSampler => Type::Sampler,
+            Opcode::TypeAccelerationStructureKHR => Type::AccelerationStructure,
+            Opcode::TypeRayQueryKHR => Type::RayQuery,
+            Opcode::TypeHitObjectNV => Type::HitObject { ext: false },
+            Opcode::TypeHitObjectEXT => Type::HitObject { ext: true },
             _ => Type::Other(span.opcode),
         };
         Ok((ty, TypeExtent::LEAF))
@@ -304,7 +306,7 @@ impl Loader<'_> {
 
 /// The error of a count of components or columns.
 fn wrong_count(span: Span, at: usize, expected: &str, found: u32) -> Error {
-    let name = opcode_name(span.opcode);
+    let name = span.opcode;
     invalid(at, format!("{name}: expected {expected}, found {found}")).note("SPIR-V, 2.16.1")
 }
 
@@ -312,7 +314,7 @@ fn wrong_count(span: Span, at: usize, expected: &str, found: u32) -> Error {
 pub(super) fn unsupported_continuation(span: Span) -> Error {
     Error::new(
         ErrorKind::UnsupportedModule,
-        format!("{} is not supported: split the aggregate into smaller ones", opcode_name(span.opcode)),
+        format!("{} is not supported: split the aggregate into smaller ones", span.opcode),
     )
     .at(Place::Word(span.start))
 }

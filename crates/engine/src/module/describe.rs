@@ -1,13 +1,10 @@
 //! Describes ids and types in error messages and listings.
 
 use crate::math::float_format::FloatFormat;
-use crate::module::grammar::{id_operands, opcode_name};
+use crate::module::grammar::id_operands;
 use crate::module::names::{ext_inst_name, storage_class_name};
 use crate::module::ty::{Type, TypeId};
-use crate::module::{Definition, Id, Module};
-
-/// `OpExtInst`
-const EXT_INST: u16 = 12;
+use crate::module::{Definition, Id, Module, Opcode};
 
 impl Module {
     /// Describes an id in an error: `%7 (a label)`, `%12 (the constant "scale")`.
@@ -39,8 +36,8 @@ impl Module {
     #[doc(hidden)]
     pub fn describe_instruction(&self, offset: u32) -> String {
         let Some(instruction) = self.instruction_at(offset) else {
-            let opcode = self.words.get(offset as usize).map_or(0, |word| *word as u16);
-            return opcode_name(opcode).into_owned();
+            let first = self.words.get(offset as usize).copied().unwrap_or(0);
+            return Opcode::of_word(first).to_string();
         };
         let named = |id: Id| match (self.scalar_text(id), self.name(id)) {
             (Some(value), _) => value,
@@ -51,7 +48,7 @@ impl Module {
             Some(id) => format!("{} = ", named(id)),
             None => String::new(),
         };
-        text += &opcode_name(instruction.opcode);
+        text += &instruction.opcode.to_string();
         if let Some(ty) = instruction.result_type.and_then(|_| self.type_of(instruction.result?)) {
             text += " ";
             text += &self.describe_type(ty);
@@ -61,7 +58,7 @@ impl Module {
         let literal_words = self.switch_literal_words(instruction);
         id_operands(&self.words, instruction.opcode, operands.clone(), literal_words, &mut |at| ids.push(at));
         let set = match instruction.opcode {
-            EXT_INST => self.words.get(operands.start).and_then(|&id| match self.definition(Id(id)) {
+            Opcode::ExtInst => self.words.get(operands.start).and_then(|&id| match self.definition(Id(id)) {
                 Some(Definition::InstructionSet(at)) => Some(&self.instruction_sets[at as usize]),
                 _ => None,
             }),
@@ -206,7 +203,7 @@ impl Module {
             Type::RayQuery => out.push_str("rayQueryEXT"),
             Type::HitObject { ext: true } => out.push_str("hitObjectEXT"),
             Type::HitObject { ext: false } => out.push_str("hitObjectNV"),
-            Type::Other(opcode) => out.push_str(&opcode_name(*opcode)),
+            Type::Other(opcode) => out.push_str(&opcode.to_string()),
         }
     }
 }
@@ -231,8 +228,8 @@ fn float_names(ty: &Type) -> [&'static str; 2] {
 
 #[cfg(test)]
 mod tests {
+    use crate::module::Opcode;
     use pretty_assertions::assert_eq;
-    use rspirv::spirv::Op;
 
     use crate::module::Id;
     use crate::module::assemble::Assembler;
@@ -240,28 +237,28 @@ mod tests {
     #[test]
     fn types_are_described_in_the_notation_of_glsl() {
         let mut a = Assembler::new();
-        a.with_string(Op::Name, &[30], "Payload", &[]);
+        a.with_string(Opcode::Name, &[30], "Payload", &[]);
         a.types();
-        a.op(Op::TypeFloat, &[10, 64]);
-        a.op(Op::TypeVector, &[11, 10, 2]);
-        a.op(Op::TypeVector, &[12, 3, 4]);
-        a.op(Op::TypeVector, &[13, 5, 3]);
-        a.op(Op::TypeMatrix, &[14, 7, 4]);
-        a.op(Op::TypeMatrix, &[15, 7, 3]);
-        a.op(Op::SpecConstant, &[5, 16, 2]);
-        a.op(Op::TypeArray, &[17, 6, 8]);
-        a.op(Op::TypeArray, &[18, 17, 16]);
-        a.op(Op::TypeRuntimeArray, &[19, 18]);
-        a.op(Op::TypeStruct, &[30, 6]);
-        a.op(Op::TypeStruct, &[31, 6]);
-        a.op(Op::TypePointer, &[32, 12, 30]);
-        a.op(Op::TypeInt, &[33, 16, 0]);
-        a.op(Op::TypeAccelerationStructureKHR, &[34]);
-        a.op(Op::TypeFloat, &[35, 16, 0]);
-        a.op(Op::TypeVector, &[36, 35, 3]);
-        a.op(Op::TypeFloat, &[37, 8, 4214]);
-        a.op(Op::TypeFloat, &[38, 8, 4215]);
-        a.op(Op::TypeVector, &[39, 38, 2]);
+        a.op(Opcode::TypeFloat, &[10, 64]);
+        a.op(Opcode::TypeVector, &[11, 10, 2]);
+        a.op(Opcode::TypeVector, &[12, 3, 4]);
+        a.op(Opcode::TypeVector, &[13, 5, 3]);
+        a.op(Opcode::TypeMatrix, &[14, 7, 4]);
+        a.op(Opcode::TypeMatrix, &[15, 7, 3]);
+        a.op(Opcode::SpecConstant, &[5, 16, 2]);
+        a.op(Opcode::TypeArray, &[17, 6, 8]);
+        a.op(Opcode::TypeArray, &[18, 17, 16]);
+        a.op(Opcode::TypeRuntimeArray, &[19, 18]);
+        a.op(Opcode::TypeStruct, &[30, 6]);
+        a.op(Opcode::TypeStruct, &[31, 6]);
+        a.op(Opcode::TypePointer, &[32, 12, 30]);
+        a.op(Opcode::TypeInt, &[33, 16, 0]);
+        a.op(Opcode::TypeAccelerationStructureKHR, &[34]);
+        a.op(Opcode::TypeFloat, &[35, 16, 0]);
+        a.op(Opcode::TypeVector, &[36, 35, 3]);
+        a.op(Opcode::TypeFloat, &[37, 8, 4214]);
+        a.op(Opcode::TypeFloat, &[38, 8, 4215]);
+        a.op(Opcode::TypeVector, &[39, 38, 2]);
         let module = a.loaded();
         let described = [11, 12, 13, 14, 15, 18, 19, 30, 31, 32, 33, 34, 35, 36, 37, 39]
             .map(|id| module.describe_type(module.type_with_id(Id(id)).unwrap()));
@@ -294,8 +291,8 @@ mod tests {
     #[test]
     fn a_cycle_of_pointers_has_a_finite_description() {
         let mut a = Assembler::new();
-        a.op(Op::TypeForwardPointer, &[1, 5349]);
-        a.op(Op::TypePointer, &[1, 5349, 1]);
+        a.op(Opcode::TypeForwardPointer, &[1, 5349]);
+        a.op(Opcode::TypePointer, &[1, 5349, 1]);
         let module = a.loaded();
         let described = module.describe_type(module.type_with_id(Id(1)).unwrap());
         assert!(described.ends_with("pointer to PhysicalStorageBuffer ..."), "{described}");

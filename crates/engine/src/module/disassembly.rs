@@ -4,13 +4,12 @@
 use std::fmt::Write;
 
 use rspirv::grammar::OperandKind;
-use rspirv::spirv;
 
-use crate::module::grammar::{is_id, opcode, opcode_name, walk};
+use crate::module::grammar::{InstructionGrammar, is_id, walk};
 use crate::module::span::{Span, ends_string};
 use crate::module::ty::Type;
 use crate::module::words::HEADER_WORDS;
-use crate::module::{Id, Module};
+use crate::module::{Id, Module, Opcode};
 
 /// The most words of a number or string that are written.
 const MOST_LITERAL_WORDS: usize = 64;
@@ -35,7 +34,7 @@ pub fn instruction_words(module: &Module, offset: u32) -> u32 {
 pub fn instruction_text(module: &Module, offset: u32) -> String {
     let Some(span) = span_at(module, offset as usize) else { return String::new() };
     let words = &module.words;
-    let known = opcode(span.opcode);
+    let known = InstructionGrammar::of(span.opcode);
     let (mut text, mut ids) = (String::new(), Vec::new());
     let mut add = |text: &mut String, id: u32| {
         ids.push(id);
@@ -47,7 +46,7 @@ pub fn instruction_text(module: &Module, offset: u32) -> String {
         add(&mut text, words[result]);
         text.push_str(" = ");
     }
-    text.push_str(&opcode_name(span.opcode));
+    text.push_str(&span.opcode.to_string());
     if has_type && span.start + 1 < span.end {
         text.push(' ');
         add(&mut text, words[span.start + 1]);
@@ -81,16 +80,16 @@ pub fn instruction_text(module: &Module, offset: u32) -> String {
 fn span_at(module: &Module, at: usize) -> Option<Span> {
     let first = *module.words.get(at)?;
     let end = at + (first >> 16) as usize;
-    (end > at && end <= module.words.len()).then_some(Span { opcode: first as u16, start: at, end })
+    (end > at && end <= module.words.len()).then_some(Span { opcode: Opcode::of_word(first), start: at, end })
 }
 
 /// How many words a number takes whose width depends on a type.
 fn literal_words(module: &Module, span: Span) -> usize {
-    let is = |op: spirv::Op| span.opcode == op as u16;
-    if is(spirv::Op::Constant) || is(spirv::Op::SpecConstant) {
+    let is = |op: Opcode| span.opcode == op;
+    if is(Opcode::Constant) || is(Opcode::SpecConstant) {
         return (span.end - span.start).saturating_sub(3).max(1);
     }
-    let selector = module.words.get(span.start + 1).filter(|_| is(spirv::Op::Switch));
+    let selector = module.words.get(span.start + 1).filter(|_| is(Opcode::Switch));
     let ty = selector.and_then(|&selector| module.type_of(Id(selector)));
     match ty.map(|ty| module.ty(ty)) {
         Some(Type::Int { width: 64, .. }) => 2,

@@ -1,12 +1,12 @@
 //! Which axes of a dispatch or launch a shader asks for: the components of `GlobalInvocationId` and
 //! `WorkgroupId`, or of `LaunchIdKHR`, that it reads.
 
-use rspirv::spirv::{BuiltIn, Op};
+use rspirv::spirv::BuiltIn;
 use rustc_hash::FxHashSet;
 
 use crate::module::decoration::number;
 use crate::module::ty::Type;
-use crate::module::{Definition, Id, Instruction, Module};
+use crate::module::{Definition, Id, Instruction, Module, Opcode};
 
 /// What the invocations of a shader lie in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -52,17 +52,19 @@ pub fn axes_read(module: &Module, grid: Grid) -> [bool; 3] {
 fn follow(module: &Module, instruction: &Instruction, whole: &mut FxHashSet<Id>, read: &mut [bool; 3]) {
     let operands = module.operands(instruction);
     let is_whole = |id: u32| whole.contains(&Id(id));
-    match (Op::from_u32(instruction.opcode.into()), operands) {
-        (Some(Op::Load | Op::CopyObject | Op::Bitcast), &[from, ..]) if is_whole(from) => {
+    match (instruction.opcode, operands) {
+        (Opcode::Load | Opcode::CopyObject | Opcode::FreezeKHR | Opcode::Bitcast, &[from, ..])
+            if is_whole(from) =>
+        {
             whole.extend(instruction.result);
         }
-        (Some(Op::AccessChain | Op::InBoundsAccessChain), &[base, index]) if is_whole(base) => {
+        (Opcode::AccessChain | Opcode::InBoundsAccessChain, &[base, index]) if is_whole(base) => {
             read_component(read, module.scalar_value(Id(index)));
         }
-        (Some(Op::CompositeExtract), &[vector, at]) if is_whole(vector) => {
+        (Opcode::CompositeExtract, &[vector, at]) if is_whole(vector) => {
             read_component(read, Some(at.into()));
         }
-        (Some(Op::VectorShuffle), &[left, right, ref components @ ..]) if is_whole(left) => {
+        (Opcode::VectorShuffle, &[left, right, ref components @ ..]) if is_whole(left) => {
             let of_left = components.iter().filter(|&&at| at < 3);
             of_left.for_each(|&at| read_component(read, Some(at.into())));
             if is_whole(right) {
@@ -70,14 +72,14 @@ fn follow(module: &Module, instruction: &Instruction, whole: &mut FxHashSet<Id>,
                 of_right.for_each(|at| read_component(read, Some(at.into())));
             }
         }
-        (Some(Op::Store), &[pointer, value, ..]) => {
+        (Opcode::Store, &[pointer, value, ..]) => {
             if is_whole(value) && is_variable(module, Id(pointer)) {
                 whole.insert(Id(pointer));
             } else if is_whole(value) {
                 *read = [true; 3];
             }
         }
-        (Some(Op::FunctionCall), &[callee, ref arguments @ ..]) => {
+        (Opcode::FunctionCall, &[callee, ref arguments @ ..]) => {
             let Some(callee) = module.function(Id(callee)) else { return };
             for (&(parameter, _), &argument) in callee.parameters.iter().zip(arguments) {
                 if whole.contains(&Id(argument)) {
@@ -86,7 +88,7 @@ fn follow(module: &Module, instruction: &Instruction, whole: &mut FxHashSet<Id>,
             }
         }
         // What only debug information says of it.
-        (Some(Op::ExtInst), _) if is_void(module, instruction) => {}
+        (Opcode::ExtInst, _) if is_void(module, instruction) => {}
         _ if module.operand_ids(instruction).iter().any(|id| whole.contains(id)) => *read = [true; 3],
         _ => {}
     }
@@ -106,7 +108,7 @@ fn is_variable(module: &Module, id: Id) -> bool {
         Some(Definition::Variable(_)) => true,
         Some(Definition::Result(function, block, at)) => {
             let block = &module.functions[function as usize].blocks[block as usize];
-            block.instructions[at as usize].opcode == Op::Variable as u16
+            block.instructions[at as usize].opcode == Opcode::Variable
         }
         _ => false,
     }
@@ -127,17 +129,17 @@ mod tests {
     /// `%5` is the type of unsigned integers, `%50` of vectors of three.
     fn axes_of(uses: impl FnOnce(&mut Assembler)) -> [bool; 3] {
         let mut a = Assembler::new();
-        a.op(Op::Decorate, &[35, 11, BuiltIn::GlobalInvocationId as u32]);
+        a.op(Opcode::Decorate, &[35, 11, BuiltIn::GlobalInvocationId as u32]);
         a.types();
-        a.op(Op::TypeVector, &[50, 5, 3]);
-        a.op(Op::TypePointer, &[51, 1, 50]);
-        a.op(Op::TypePointer, &[52, 7, 50]);
-        a.op(Op::Variable, &[51, 35, 1]);
+        a.op(Opcode::TypeVector, &[50, 5, 3]);
+        a.op(Opcode::TypePointer, &[51, 1, 50]);
+        a.op(Opcode::TypePointer, &[52, 7, 50]);
+        a.op(Opcode::Variable, &[51, 35, 1]);
         a.function(30, 31, |a| {
-            a.op(Op::Variable, &[52, 40, 7]);
-            a.op(Op::Load, &[50, 41, 35]);
+            a.op(Opcode::Variable, &[52, 40, 7]);
+            a.op(Opcode::Load, &[50, 41, 35]);
             uses(a);
-            a.op(Op::Return, &[]);
+            a.op(Opcode::Return, &[]);
         });
         let module = a.loaded();
         assert_eq!(axes_read(&module, Grid::Launch), [false; 3], "it is in a dispatch");
@@ -146,14 +148,14 @@ mod tests {
 
     #[test]
     fn an_axis_is_read_where_its_component_is() {
-        let x = axes_of(|a| _ = a.op(Op::CompositeExtract, &[5, 42, 41, 0]));
+        let x = axes_of(|a| _ = a.op(Opcode::CompositeExtract, &[5, 42, 41, 0]));
         let y = axes_of(|a| {
-            a.op(Op::Store, &[40, 41]);
-            a.op(Op::Load, &[50, 42, 40]);
-            a.op(Op::CompositeExtract, &[5, 43, 42, 1]);
+            a.op(Opcode::Store, &[40, 41]);
+            a.op(Opcode::Load, &[50, 42, 40]);
+            a.op(Opcode::CompositeExtract, &[5, 43, 42, 1]);
         });
-        let both = axes_of(|a| _ = a.op(Op::VectorShuffle, &[50, 42, 41, 41, 1, 3, 1]));
-        let all = axes_of(|a| _ = a.op(Op::IAdd, &[50, 42, 41, 41]));
+        let both = axes_of(|a| _ = a.op(Opcode::VectorShuffle, &[50, 42, 41, 41, 1, 3, 1]));
+        let all = axes_of(|a| _ = a.op(Opcode::IAdd, &[50, 42, 41, 41]));
         let [no, yes] = [false, true];
         assert_eq!([x, y, both, all], [[yes, no, no], [no, yes, no], [yes, yes, no], [yes; 3]]);
         assert_eq!(axes_of(|_| ()), [no; 3]);

@@ -3,14 +3,12 @@
 //! SPIR-V specification, sections 2.4 "Logical Layout of a Module" (items 10 and 11) and 2.11
 //! "Structured Control Flow".
 
-use rspirv::spirv::Op;
-
-use crate::module::grammar::{Opcode, opcode, opcode_name, walk};
+use crate::module::grammar::{InstructionGrammar, walk};
 use crate::module::load::{FUNCTION_STORAGE, Loader};
 use crate::module::span::{Span, invalid};
 use crate::module::ty::{Type, TypeId};
 use crate::module::words::Walker;
-use crate::module::{BasicBlock, Definition, Function, Id, Instruction};
+use crate::module::{BasicBlock, Definition, Function, Id, Instruction, Opcode};
 use anyhit_base::error::Result;
 
 impl<'w> Loader<'w> {
@@ -18,15 +16,12 @@ impl<'w> Loader<'w> {
     pub(super) fn functions(&mut self, walker: &mut Walker<'w>, first: Option<Span>) -> Result<()> {
         let mut next = first;
         while let Some(span) = next {
-            match opcode(span.opcode) {
+            match InstructionGrammar::of(span.opcode) {
                 None => self.record_unknown(span),
-                Some(known) if known.op == Op::Function => self.function(span, walker)?,
-                Some(known) if known.op == Op::Nop || self.debug_instruction(span, known)? => {}
+                Some(known) if known.op == Opcode::Function => self.function(span, walker)?,
+                Some(known) if known.op == Opcode::Nop || self.debug_instruction(span, known)? => {}
                 Some(_) => {
-                    return Err(invalid(
-                        span.start,
-                        format!("expected OpFunction, found {}", opcode_name(span.opcode)),
-                    ));
+                    return Err(invalid(span.start, format!("expected OpFunction, found {}", span.opcode)));
                 }
             }
             next = walker.next()?;
@@ -71,23 +66,23 @@ impl<'w> Loader<'w> {
 
     /// Reads one instruction of a function; returns whether it is the `OpFunctionEnd`.
     fn body_instruction(&mut self, span: Span, builder: &mut FunctionBuilder) -> Result<bool> {
-        let Some(known) = opcode(span.opcode) else {
+        let Some(known) = InstructionGrammar::of(span.opcode) else {
             self.record_unknown(span);
             self.push_instruction(span, None, builder)?;
             return Ok(false);
         };
-        if known.op == Op::Nop || self.debug_instruction(span, known)? {
+        if known.op == Opcode::Nop || self.debug_instruction(span, known)? {
             return Ok(false);
         }
         match known.op {
-            Op::FunctionParameter => self.parameter(span, builder)?,
-            Op::FunctionEnd => {
+            Opcode::FunctionParameter => self.parameter(span, builder)?,
+            Opcode::FunctionEnd => {
                 walk(self.words, span, 1, &mut |_, _| Ok(()))?;
                 self.close_open_block(span, builder)?;
                 self.check_parameter_count(span, builder)?;
                 return Ok(true);
             }
-            Op::Label => {
+            Opcode::Label => {
                 walk(self.words, span, 1, &mut |_, _| Ok(()))?;
                 self.close_open_block(span, builder)?;
                 self.check_parameter_count(span, builder)?;
@@ -99,17 +94,14 @@ impl<'w> Loader<'w> {
                     instructions: std::mem::take(&mut builder.spare),
                 });
             }
-            Op::Function => {
+            Opcode::Function => {
                 return Err(invalid(
                     span.start,
                     "OpFunction precedes the OpFunctionEnd of the previous function",
                 ));
             }
             _ if known.module_scope_only => {
-                return Err(invalid(
-                    span.start,
-                    format!("{} is not allowed inside a function", opcode_name(span.opcode)),
-                ));
+                return Err(invalid(span.start, format!("{} is not allowed inside a function", span.opcode)));
             }
             _ => {
                 self.push_instruction(span, Some(known), builder)?;
@@ -158,7 +150,7 @@ impl<'w> Loader<'w> {
                 function.id.0,
                 builder.parameter_types.len(),
                 function.parameters.len(),
-                opcode_name(span.opcode)
+                span.opcode
             ),
         ))
     }
@@ -166,7 +158,7 @@ impl<'w> Loader<'w> {
     fn push_instruction(
         &mut self,
         span: Span,
-        known: Option<&Opcode>,
+        known: Option<&InstructionGrammar>,
         builder: &mut FunctionBuilder,
     ) -> Result<()> {
         let Some(block) = &mut builder.open_block else {
@@ -174,20 +166,14 @@ impl<'w> Loader<'w> {
                 true => "OpFunctionParameter, OpLabel or OpFunctionEnd",
                 false => "OpLabel or OpFunctionEnd",
             };
-            return Err(invalid(
-                span.start,
-                format!("expected {wanted}, found {}", opcode_name(span.opcode)),
-            ));
+            return Err(invalid(span.start, format!("expected {wanted}, found {}", span.opcode)));
         };
         let mut operands = span.operands();
         let mut take = |wanted: bool| wanted.then(|| operands.next()).flatten();
         let type_at = take(known.is_some_and(|known| known.has_type));
         let result_at = take(known.is_some_and(|known| known.has_result));
         if known.is_some_and(|known| span.end - span.start <= known.result_words()) {
-            return Err(invalid(
-                span.start,
-                format!("{} ends before its result id", opcode_name(span.opcode)),
-            ));
+            return Err(invalid(span.start, format!("{} ends before its result id", span.opcode)));
         }
         let instruction = Instruction {
             opcode: span.opcode,
@@ -201,7 +187,7 @@ impl<'w> Loader<'w> {
         block.instructions.push(instruction);
         let ty = type_at.map(|at| self.type_at(span, at)).transpose()?;
         if let (Some(ty), Some(known)) = (ty, known)
-            && matches!(known.op, Op::Variable | Op::UntypedVariableKHR)
+            && matches!(known.op, Opcode::Variable | Opcode::UntypedVariableKHR)
         {
             self.local_variable(span, known, ty, block_index)?;
         }
@@ -212,25 +198,19 @@ impl<'w> Loader<'w> {
         Ok(())
     }
 
-    fn local_variable(&self, span: Span, known: &Opcode, ty: TypeId, block: u32) -> Result<()> {
+    fn local_variable(&self, span: Span, known: &InstructionGrammar, ty: TypeId, block: u32) -> Result<()> {
         walk(self.words, span, 1, &mut |_, _| Ok(()))?;
         let storage_class = self.words[span.start + 3];
         if storage_class != FUNCTION_STORAGE {
             return Err(invalid(
                 span.start + 3,
-                format!(
-                    "{} inside a function must have the storage class Function",
-                    opcode_name(span.opcode)
-                ),
+                format!("{} inside a function must have the storage class Function", span.opcode),
             ));
         }
         if block != 0 {
-            return Err(invalid(
-                span.start,
-                format!("{} follows the function's first block", opcode_name(span.opcode)),
-            ));
+            return Err(invalid(span.start, format!("{} follows the function's first block", span.opcode)));
         }
-        self.variable_type(span, ty, storage_class, known.op == Op::UntypedVariableKHR)?;
+        self.variable_type(span, ty, storage_class, known.op == Opcode::UntypedVariableKHR)?;
         Ok(())
     }
 
@@ -239,14 +219,14 @@ impl<'w> Loader<'w> {
     fn close_open_block(&mut self, span: Span, builder: &mut FunctionBuilder) -> Result<()> {
         let Some(block) = &builder.open_block else { return Ok(()) };
         match block.instructions.last() {
-            Some(last) if opcode(last.opcode).is_none() => {
+            Some(last) if !last.opcode.is_known() => {
                 self.close_block(builder);
                 self.debug.leave_block(span.start);
                 Ok(())
             }
             _ => Err(invalid(
                 span.start,
-                format!("block %{} has no terminator before {}", block.label.0, opcode_name(span.opcode)),
+                format!("block %{} has no terminator before {}", block.label.0, span.opcode),
             )),
         }
     }

@@ -3,7 +3,6 @@
 //! An enumerant that the tables do not know may have parameters of its own, so the operands after
 //! it cannot be parsed: the rest of such an instruction is kept unread.
 
-use std::borrow::Cow;
 use std::ops::Range;
 use std::sync::LazyLock;
 
@@ -11,15 +10,16 @@ use rspirv::grammar::reflect::is_block_terminator;
 use rspirv::grammar::{INSTRUCTION_TABLE, LogicalOperand, OperandKind, OperandQuantifier};
 use rspirv::{dr, spirv};
 
+use crate::module::opcode::{self, Opcode};
 use crate::module::opcode_table::OpcodeTable;
 use crate::module::span::{Span, ends_string, invalid};
 use anyhit_base::error::Result;
 
-/// The table entry of an opcode.
+/// The grammar of the instructions of one opcode.
 #[derive(Clone, Copy)]
-pub(crate) struct Opcode {
-    /// The enumerant.
-    pub(crate) op: spirv::Op,
+pub(crate) struct InstructionGrammar {
+    /// The opcode.
+    pub(crate) op: Opcode,
     /// The name without its `Op`.
     pub(crate) name: &'static str,
     /// Whether its first operand is a result type.
@@ -30,7 +30,8 @@ pub(crate) struct Opcode {
     pub(crate) module_scope_only: bool,
     /// Whether it ends its block.
     pub(crate) ends_block: bool,
-    operands: &'static [LogicalOperand],
+    /// Its operands, result type and result id included.
+    pub(super) operands: &'static [LogicalOperand],
     fixed: FixedOperands,
 }
 
@@ -98,7 +99,43 @@ fn is_single_word(kind: OperandKind) -> bool {
     )
 }
 
-impl Opcode {
+impl InstructionGrammar {
+    /// Grammar of an opcode; `None` if the tables do not know it.
+    #[inline]
+    pub(crate) fn of(opcode: Opcode) -> Option<&'static Self> {
+        // The look-up of rspirv is a linear search through 800 entries.
+        static TABLE: LazyLock<OpcodeTable<InstructionGrammar>> = LazyLock::new(|| {
+            let known =
+                INSTRUCTION_TABLE.iter().map(|entry| (entry.opcode.into(), entry.opname, entry.operands));
+            let added =
+                opcode::ADDED.iter().map(|&(number, name, operands)| (Opcode(number), name, operands));
+            let all = known.chain(added);
+            all.map(|(op, name, operands)| (op.0, InstructionGrammar::new(op, name, operands))).collect()
+        });
+        TABLE.get(usize::from(opcode.0))
+    }
+
+    /// Grammar of the opcode that is an operand of `OpSpecConstantOp`.
+    pub(crate) fn of_word(word: u32) -> Option<&'static Self> {
+        Self::of(Opcode(u16::try_from(word).ok()?))
+    }
+
+    fn new(op: Opcode, name: &'static str, operands: &'static [LogicalOperand]) -> Self {
+        let kind = |index: usize| operands.get(index).map(|operand| operand.kind);
+        let has_type = kind(0) == Some(OperandKind::IdResultType);
+        let has_result = kind(usize::from(has_type)) == Some(OperandKind::IdResult);
+        Self {
+            op,
+            name,
+            has_type,
+            has_result,
+            module_scope_only: is_module_scope_only(op, name),
+            ends_block: ends_block(op),
+            operands,
+            fixed: FixedOperands::of(&operands[usize::from(has_type) + usize::from(has_result)..]),
+        }
+    }
+
     /// The number of words of result type and result id.
     pub(crate) fn result_words(&self) -> usize {
         usize::from(self.has_type) + usize::from(self.has_result)
@@ -109,59 +146,37 @@ impl Opcode {
 const OPTIONAL_ID: LogicalOperand =
     LogicalOperand { kind: OperandKind::IdRef, quantifier: OperandQuantifier::ZeroOrOne };
 
-/// The entry of an opcode's number; `None` where the tables do not know it.
-#[inline]
-pub(crate) fn opcode(number: u16) -> Option<&'static Opcode> {
-    // The crate's own look-up is a linear search through 800 entries.
-    static TABLE: LazyLock<OpcodeTable<Opcode>> = LazyLock::new(|| {
-        let table = INSTRUCTION_TABLE.iter().map(|entry| {
-            let kind = |index: usize| entry.operands.get(index).map(|operand| operand.kind);
-            let has_type = kind(0) == Some(OperandKind::IdResultType);
-            let has_result = kind(usize::from(has_type)) == Some(OperandKind::IdResult);
-            let opcode = Opcode {
-                op: entry.opcode,
-                name: entry.opname,
-                has_type,
-                has_result,
-                module_scope_only: is_module_scope_only(entry.opcode, entry.opname),
-                ends_block: is_block_terminator(entry.opcode),
-                operands: entry.operands,
-                fixed: FixedOperands::of(&entry.operands[usize::from(has_type) + usize::from(has_result)..]),
-            };
-            (entry.opcode as u16, opcode)
-        });
-        table.collect()
-    });
-    TABLE.get(usize::from(number))
+/// Whether an opcode defines an undefined value, at module scope or in a function.
+fn is_undefined(op: Opcode) -> bool {
+    matches!(op, Opcode::Undef | Opcode::PoisonKHR)
 }
 
 /// Whether an opcode defines a constant or an undefined value; its name is without `Op`.
-pub(crate) fn is_constant(op: spirv::Op, name: &str) -> bool {
-    op == spirv::Op::Undef || name.starts_with("Constant") || name.starts_with("SpecConstant")
+pub(crate) fn is_constant(op: Opcode, name: &str) -> bool {
+    is_undefined(op) || name.starts_with("Constant") || name.starts_with("SpecConstant")
 }
 
-fn is_module_scope_only(op: spirv::Op, name: &str) -> bool {
-    use spirv::Op;
+fn is_module_scope_only(op: Opcode, name: &str) -> bool {
     matches!(
         op,
-        Op::Capability
-            | Op::Extension
-            | Op::ExtInstImport
-            | Op::MemoryModel
-            | Op::EntryPoint
-            | Op::ExecutionMode
-            | Op::ExecutionModeId
-            | Op::Decorate
-            | Op::DecorateId
-            | Op::DecorateString
-            | Op::MemberDecorate
-            | Op::MemberDecorateString
-            | Op::MemberDecorateIdEXT
-            | Op::DecorationGroup
-            | Op::GroupDecorate
-            | Op::GroupMemberDecorate
+        Opcode::Capability
+            | Opcode::Extension
+            | Opcode::ExtInstImport
+            | Opcode::MemoryModel
+            | Opcode::EntryPoint
+            | Opcode::ExecutionMode
+            | Opcode::ExecutionModeId
+            | Opcode::Decorate
+            | Opcode::DecorateId
+            | Opcode::DecorateString
+            | Opcode::MemberDecorate
+            | Opcode::MemberDecorateString
+            | Opcode::MemberDecorateIdEXT
+            | Opcode::DecorationGroup
+            | Opcode::GroupDecorate
+            | Opcode::GroupMemberDecorate
     ) || name.starts_with("Type")
-        || (is_constant(op, name) && op != Op::Undef)
+        || (is_constant(op, name) && !is_undefined(op))
 }
 
 /// Whether words of this kind are ids.
@@ -184,11 +199,11 @@ pub(crate) fn walk(
     literal_words: usize,
     visit: &mut impl FnMut(usize, OperandKind) -> Result<()>,
 ) -> Result<()> {
-    let Some(opcode) = opcode(span.opcode) else { return Ok(()) };
-    let first = span.start + 1 + opcode.result_words();
-    if opcode.fixed.match_count(span.end.wrapping_sub(first)) && first <= span.end {
-        let FixedOperands { required, repeated, .. } = opcode.fixed;
-        let operands = &opcode.operands[opcode.result_words()..][..required];
+    let Some(known) = InstructionGrammar::of(span.opcode) else { return Ok(()) };
+    let first = span.start + 1 + known.result_words();
+    if known.fixed.match_count(span.end.wrapping_sub(first)) && first <= span.end {
+        let FixedOperands { required, repeated, .. } = known.fixed;
+        let operands = &known.operands[known.result_words()..][..required];
         for (at, operand) in (first..).zip(operands) {
             visit(at, operand.kind)?;
         }
@@ -198,11 +213,11 @@ pub(crate) fn walk(
         };
     }
     let mut cursor = Cursor { words, span, at: span.start + 1, literal_words, visit };
-    for _ in 0..opcode.result_words() {
+    for _ in 0..known.result_words() {
         cursor.next_word("its result")?;
     }
-    cursor.operands(&opcode.operands[opcode.result_words()..])?;
-    if opcode.op == spirv::Op::HitObjectRecordFromQueryEXT {
+    cursor.operands(&known.operands[known.result_words()..])?;
+    if known.op == Opcode::HitObjectRecordFromQueryEXT {
         cursor.operands(&[OPTIONAL_ID])?;
     }
     if cursor.at < span.end {
@@ -210,7 +225,7 @@ pub(crate) fn walk(
             cursor.at,
             format!(
                 "{} has {} words here, but its word count is {}",
-                opcode_name(span.opcode),
+                span.opcode,
                 cursor.at - span.start,
                 span.end - span.start
             ),
@@ -225,14 +240,14 @@ pub(crate) fn walk(
 /// [`walk`] before: operands after a violation of the grammar are left out.
 pub(crate) fn id_operands(
     words: &[u32],
-    opcode_number: u16,
+    opcode: Opcode,
     operands: Range<usize>,
     literal_words: usize,
     visit: &mut dyn FnMut(usize),
 ) {
-    let Some(opcode) = opcode(opcode_number) else { return };
-    let start = operands.start.saturating_sub(1 + opcode.result_words());
-    let span = Span { opcode: opcode_number, start, end: operands.end };
+    let Some(known) = InstructionGrammar::of(opcode) else { return };
+    let start = operands.start.saturating_sub(1 + known.result_words());
+    let span = Span { opcode, start, end: operands.end };
     let parsed = walk(words, span, literal_words, &mut |at, kind| {
         if is_id(kind) {
             visit(at);
@@ -305,9 +320,9 @@ impl Cursor<'_> {
             }
             K::LiteralSpecConstantOpInteger => {
                 let at = self.visit_word(kind)?;
-                match u16::try_from(self.words[at]).ok().and_then(opcode) {
+                match InstructionGrammar::of_word(self.words[at]) {
                     // Rejected here, because it would recurse without end.
-                    Some(inner) if inner.op == spirv::Op::SpecConstantOp => {
+                    Some(inner) if inner.op == Opcode::SpecConstantOp => {
                         Err(invalid(at, "OpSpecConstantOp cannot compute an OpSpecConstantOp"))
                     }
                     Some(inner) => self.operands(&inner.operands[inner.result_words()..]),
@@ -346,7 +361,7 @@ impl Cursor<'_> {
                 self.span.start,
                 format!(
                     "{} ends after {} words where {what} is expected",
-                    opcode_name(self.span.opcode),
+                    self.span.opcode,
                     self.span.end - self.span.start
                 ),
             ));
@@ -395,19 +410,10 @@ fn parameters(kind: OperandKind, word: u32) -> Option<Vec<LogicalOperand>> {
     }
 }
 
-/// The name of an opcode (`OpFAdd`), or `opcode 1234`.
-pub fn opcode_name(number: u16) -> Cow<'static, str> {
-    match opcode(number) {
-        Some(known) => format!("Op{}", known.name).into(),
-        None => format!("opcode {number}").into(),
-    }
-}
-
-/// The number of an opcode, by its name with or without `Op`.
-pub fn opcode_of(name: &str) -> Option<u16> {
-    let bare = name.strip_prefix("Op").unwrap_or(name);
-    let found = INSTRUCTION_TABLE.iter().find(|entry| entry.opname == bare || entry.opname == name)?;
-    Some(found.opcode as u16)
+/// Whether instructions of an opcode end their block.
+fn ends_block(op: Opcode) -> bool {
+    let known = spirv::Op::from_u32(op.0.into());
+    op == Opcode::AbortKHR || known.is_some_and(is_block_terminator)
 }
 
 #[cfg(test)]
@@ -417,7 +423,7 @@ mod tests {
     /// The kinds that a walk visits for one instruction's words, or its error's text.
     fn kinds(words: &[u32], literal_words: usize) -> std::result::Result<Vec<OperandKind>, String> {
         let mut seen = Vec::new();
-        let span = Span { opcode: words[0] as u16, start: 0, end: words.len() };
+        let span = Span { opcode: Opcode::of_word(words[0]), start: 0, end: words.len() };
         walk(words, span, literal_words, &mut |_, kind| {
             seen.push(kind);
             Ok(())
@@ -439,7 +445,7 @@ mod tests {
 
     #[test]
     fn the_optional_operand_that_the_tables_lack_is_known() {
-        let words = [spirv::Op::HitObjectRecordFromQueryEXT as u32, 1, 2, 3, 4, 5];
+        let words = [u32::from(Opcode::HitObjectRecordFromQueryEXT.0), 1, 2, 3, 4, 5];
         assert_eq!(kinds(&words, 1).unwrap().len(), 5);
         assert_eq!(kinds(&words[..5], 1).unwrap().len(), 4);
     }

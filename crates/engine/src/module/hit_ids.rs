@@ -1,11 +1,10 @@
 //! Which ids of a hit an index is: that of the instance, its custom one, that of the primitive or
 //! of the geometry.
 
-use rspirv::spirv::Op;
 use rustc_hash::FxHashMap;
 
 use crate::module::decoration::number;
-use crate::module::{Definition, Id, Instruction, Module};
+use crate::module::{Definition, Id, Instruction, Module, Opcode};
 use anyhit_base::sorted::sort;
 
 /// An id of a hit.
@@ -42,16 +41,17 @@ impl HitId {
         })
     }
 
-    fn of_query(opcode: Op) -> Option<Self> {
+    fn of_query(opcode: Opcode) -> Option<Self> {
         Some(match opcode {
-            Op::RayQueryGetIntersectionInstanceIdKHR | Op::HitObjectGetInstanceIdNV => Self::Instance,
-            Op::RayQueryGetIntersectionInstanceCustomIndexKHR | Op::HitObjectGetInstanceCustomIndexNV => {
-                Self::InstanceCustom
-            }
-            Op::RayQueryGetIntersectionPrimitiveIndexKHR | Op::HitObjectGetPrimitiveIndexNV => {
+            Opcode::RayQueryGetIntersectionInstanceIdKHR | Opcode::HitObjectGetInstanceIdNV => Self::Instance,
+            Opcode::RayQueryGetIntersectionInstanceCustomIndexKHR
+            | Opcode::HitObjectGetInstanceCustomIndexNV => Self::InstanceCustom,
+            Opcode::RayQueryGetIntersectionPrimitiveIndexKHR | Opcode::HitObjectGetPrimitiveIndexNV => {
                 Self::Primitive
             }
-            Op::RayQueryGetIntersectionGeometryIndexKHR | Op::HitObjectGetGeometryIndexNV => Self::Geometry,
+            Opcode::RayQueryGetIntersectionGeometryIndexKHR | Opcode::HitObjectGetGeometryIndexNV => {
+                Self::Geometry
+            }
             _ => return None,
         })
     }
@@ -72,11 +72,11 @@ impl<'a> HitIds<'a> {
     pub fn new(module: &'a Module) -> Self {
         let mut ids = Self { module, stored: FxHashMap::default(), arguments: FxHashMap::default() };
         for instruction in module.instructions() {
-            match (Op::from_u32(instruction.opcode.into()), module.operands(instruction)) {
-                (Some(Op::Store), &[pointer, object, ..]) => {
+            match (instruction.opcode, module.operands(instruction)) {
+                (Opcode::Store, &[pointer, object, ..]) => {
                     ids.stored.entry(Id(pointer)).or_default().push(Id(object));
                 }
-                (Some(Op::FunctionCall), [callee, passed @ ..]) => {
+                (Opcode::FunctionCall, [callee, passed @ ..]) => {
                     let Some(callee) = module.function(Id(*callee)) else { continue };
                     for (&(parameter, _), &argument) in callee.parameters.iter().zip(passed) {
                         ids.arguments.entry(parameter).or_default().push(Id(argument));
@@ -128,17 +128,26 @@ impl<'a> HitIds<'a> {
             return true;
         }
         let Some(instruction) = self.result(value) else { return false };
-        let Some(opcode) = Op::from_u32(instruction.opcode.into()) else { return false };
+        let opcode = instruction.opcode;
         if let Some(id) = HitId::of_query(opcode) {
             found.push(id);
             return true;
         }
         let operands = self.module.operand_ids(instruction);
         match opcode {
-            Op::Load | Op::CopyObject | Op::Bitcast | Op::UConvert | Op::SConvert => {
-                operands.first().is_some_and(|&operand| all(&[operand]))
-            }
-            Op::IAdd | Op::ISub | Op::IMul | Op::UDiv | Op::UMod | Op::ShiftLeftLogical | Op::BitwiseAnd
+            Opcode::Load
+            | Opcode::CopyObject
+            | Opcode::FreezeKHR
+            | Opcode::Bitcast
+            | Opcode::UConvert
+            | Opcode::SConvert => operands.first().is_some_and(|&operand| all(&[operand])),
+            Opcode::IAdd
+            | Opcode::ISub
+            | Opcode::IMul
+            | Opcode::UDiv
+            | Opcode::UMod
+            | Opcode::ShiftLeftLogical
+            | Opcode::BitwiseAnd
                 if computes =>
             {
                 all(&operands);

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use crate::module::Id;
+use crate::module::{Id, Opcode};
 
 /// A map from ids to values.
 ///
@@ -45,7 +45,7 @@ impl<T: Copy> IdMap<T> {
 }
 
 /// Ids that an instruction of unknown opcode may define, with that opcode.
-pub(super) type UnknownResults = HashMap<Id, u16>;
+pub(super) type UnknownResults = HashMap<Id, Opcode>;
 
 #[cfg(test)]
 mod tests {

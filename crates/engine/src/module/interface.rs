@@ -120,8 +120,8 @@ impl Module {
 
 #[cfg(test)]
 mod tests {
+    use crate::module::Opcode;
     use pretty_assertions::assert_eq;
-    use rspirv::spirv::Op;
 
     use super::*;
     use crate::module::assemble::Assembler;
@@ -129,35 +129,35 @@ mod tests {
     /// Two entry points and a shared function: `%20` a builtin, `%21` a buffer, `%22` unused.
     fn module() -> Module {
         let mut a = Assembler::new();
-        a.with_string(Op::EntryPoint, &[5316, 30], "hit", &[]);
-        a.with_string(Op::EntryPoint, &[5317, 40], "miss", &[]);
-        a.with_string(Op::Name, &[21], "image", &[]);
-        a.op(Op::Decorate, &[20, 11, 5330]);
-        a.op(Op::Decorate, &[21, 34, 1]);
-        a.op(Op::Decorate, &[21, 33, 2]);
-        a.op(Op::Decorate, &[23, 30, 6]);
+        a.with_string(Opcode::EntryPoint, &[5316, 30], "hit", &[]);
+        a.with_string(Opcode::EntryPoint, &[5317, 40], "miss", &[]);
+        a.with_string(Opcode::Name, &[21], "image", &[]);
+        a.op(Opcode::Decorate, &[20, 11, 5330]);
+        a.op(Opcode::Decorate, &[21, 34, 1]);
+        a.op(Opcode::Decorate, &[21, 33, 2]);
+        a.op(Opcode::Decorate, &[23, 30, 6]);
         a.types();
-        a.op(Op::TypePointer, &[10, 1, 6]);
-        a.op(Op::TypePointer, &[11, 12, 6]);
-        a.op(Op::TypePointer, &[12, 5342, 6]);
-        a.op(Op::Variable, &[10, 20, 1]);
-        a.op(Op::Variable, &[11, 21, 12]);
-        a.op(Op::Variable, &[11, 22, 12]);
-        a.op(Op::Variable, &[12, 23, 5342]);
+        a.op(Opcode::TypePointer, &[10, 1, 6]);
+        a.op(Opcode::TypePointer, &[11, 12, 6]);
+        a.op(Opcode::TypePointer, &[12, 5342, 6]);
+        a.op(Opcode::Variable, &[10, 20, 1]);
+        a.op(Opcode::Variable, &[11, 21, 12]);
+        a.op(Opcode::Variable, &[11, 22, 12]);
+        a.op(Opcode::Variable, &[12, 23, 5342]);
         a.function(30, 31, |a| {
-            a.op(Op::Load, &[6, 32, 20]);
-            a.op(Op::FunctionCall, &[1, 33, 50]);
-            a.op(Op::FunctionCall, &[1, 34, 50]);
-            a.op(Op::Return, &[]);
+            a.op(Opcode::Load, &[6, 32, 20]);
+            a.op(Opcode::FunctionCall, &[1, 33, 50]);
+            a.op(Opcode::FunctionCall, &[1, 34, 50]);
+            a.op(Opcode::Return, &[]);
         });
         a.function(40, 41, |a| {
             // %22 is a literal here: the alignment.
-            a.op(Op::Load, &[6, 42, 23, 2, 22]);
-            a.op(Op::Return, &[]);
+            a.op(Opcode::Load, &[6, 42, 23, 2, 22]);
+            a.op(Opcode::Return, &[]);
         });
         a.function(50, 51, |a| {
-            a.op(Op::Load, &[6, 52, 21]);
-            a.op(Op::Return, &[]);
+            a.op(Opcode::Load, &[6, 52, 21]);
+            a.op(Opcode::Return, &[]);
         });
         a.loaded()
     }

@@ -8,20 +8,18 @@
 use std::collections::{HashMap, HashSet};
 use std::sync::OnceLock;
 
-use rspirv::spirv::Op;
-
 use crate::module::check::{self, FunctionUses};
 use crate::module::copy_budget::CopyBudget;
 use crate::module::debug_info::DebugInfo;
 use crate::module::debug_reader::DebugReader;
 use crate::module::decoration::{Decorations, PendingDecorations};
-use crate::module::grammar::{Opcode, is_constant, is_id, opcode, opcode_name, walk};
+use crate::module::grammar::{InstructionGrammar, is_constant, is_id, walk};
 use crate::module::id_map::{IdMap, UnknownResults};
 use crate::module::interface::{EntryPoint, Stage};
 use crate::module::span::{Span, invalid};
 use crate::module::ty::{Type, TypeExtent, TypeId};
 use crate::module::words::{Header, Walker, header, string, words_of};
-use crate::module::{Definition, GlobalVariable, Id, Module, check_flow, included_lines};
+use crate::module::{Definition, GlobalVariable, Id, Module, Opcode, check_flow, included_lines};
 use anyhit_base::error::{Error, ErrorKind, Place, Result};
 use anyhit_base::escape;
 use anyhit_base::input::{InputLimit, InputLimits};
@@ -177,11 +175,11 @@ impl<'w> Loader<'w> {
     /// Reads everything before the first `OpFunction`, and returns the span of that.
     fn module_scope(&mut self, walker: &mut Walker<'w>) -> Result<Option<Span>> {
         while let Some(span) = walker.next()? {
-            let Some(known) = opcode(span.opcode) else {
+            let Some(known) = InstructionGrammar::of(span.opcode) else {
                 self.record_unknown(span);
                 continue;
             };
-            if known.op == Op::Function {
+            if known.op == Opcode::Function {
                 return Ok(Some(span));
             }
             self.module_instruction(span, known)?;
@@ -189,7 +187,7 @@ impl<'w> Loader<'w> {
         Ok(None)
     }
 
-    fn module_instruction(&mut self, span: Span, known: &Opcode) -> Result<()> {
+    fn module_instruction(&mut self, span: Span, known: &InstructionGrammar) -> Result<()> {
         let words = self.words;
         if self.debug_instruction(span, known)? {
             return Ok(());
@@ -211,19 +209,19 @@ impl<'w> Loader<'w> {
         }
         let first = span.start + 1;
         match known.op {
-            Op::Nop => {}
-            Op::Capability => self.capability(first)?,
-            Op::Extension => {
+            Opcode::Nop => {}
+            Opcode::Capability => self.capability(first)?,
+            Opcode::Extension => {
                 let name = self.string_at(first);
                 self.module.extensions.push(name);
             }
-            Op::ExtInstImport => {
+            Opcode::ExtInstImport => {
                 let name = self.string_at(first + 1);
                 self.define(first, Definition::InstructionSet(self.set_kinds.len() as u32))?;
                 self.set_kinds.push(SetKind::of(&name));
                 self.module.instruction_sets.push(name);
             }
-            Op::MemoryModel => {
+            Opcode::MemoryModel => {
                 if self.memory_model.is_some() {
                     return Err(invalid(
                         span.start,
@@ -232,8 +230,8 @@ impl<'w> Loader<'w> {
                 }
                 self.memory_model = Some((words[first], words[first + 1]));
             }
-            Op::EntryPoint => self.entry_point(span),
-            Op::ExecutionMode | Op::ExecutionModeId => {
+            Opcode::EntryPoint => self.entry_point(span),
+            Opcode::ExecutionMode | Opcode::ExecutionModeId => {
                 let function = self.id(first);
                 self.mode_targets.push((function, first));
                 self.modes.entry(function).or_default().push(PendingMode {
@@ -241,18 +239,20 @@ impl<'w> Loader<'w> {
                     operands: words[first + 2..span.end].to_vec(),
                 });
             }
-            Op::Decorate | Op::DecorateId | Op::DecorateString => self.pending.decorate(words, span),
-            Op::MemberDecorate | Op::MemberDecorateString | Op::MemberDecorateIdEXT => {
+            Opcode::Decorate | Opcode::DecorateId | Opcode::DecorateString => {
+                self.pending.decorate(words, span)
+            }
+            Opcode::MemberDecorate | Opcode::MemberDecorateString | Opcode::MemberDecorateIdEXT => {
                 self.pending.decorate_member(words, span);
             }
-            Op::DecorationGroup => {
+            Opcode::DecorationGroup => {
                 self.define(first, Definition::Other)?;
                 self.pending.group(self.id(first));
             }
-            Op::GroupDecorate => self.pending.apply_group(words, span),
-            Op::GroupMemberDecorate => self.pending.apply_group_to_members(words, span),
-            Op::TypeForwardPointer => self.declare_forward_pointer(span)?,
-            Op::Variable | Op::UntypedVariableKHR => self.global_variable(span, known)?,
+            Opcode::GroupDecorate => self.pending.apply_group(words, span),
+            Opcode::GroupMemberDecorate => self.pending.apply_group_to_members(words, span),
+            Opcode::TypeForwardPointer => self.declare_forward_pointer(span)?,
+            Opcode::Variable | Opcode::UntypedVariableKHR => self.global_variable(span, known)?,
             _ if known.name.starts_with("Type") => self.declare_type(span, known)?,
             _ if is_constant(known.op, known.name) => self.declare_constant(span, known)?,
             _ if is_ignored(known) => {
@@ -263,7 +263,7 @@ impl<'w> Loader<'w> {
             _ => {
                 return Err(invalid(
                     span.start,
-                    format!("{} is not allowed outside a function", opcode_name(span.opcode)),
+                    format!("{} is not allowed outside a function", span.opcode),
                 ));
             }
         }
@@ -272,23 +272,23 @@ impl<'w> Loader<'w> {
 
     /// Passes an instruction of debug information (a name, a source, a line) to its reader; returns
     /// whether it is one.
-    pub(super) fn debug_instruction(&mut self, span: Span, known: &Opcode) -> Result<bool> {
+    pub(super) fn debug_instruction(&mut self, span: Span, known: &InstructionGrammar) -> Result<bool> {
         match known.op {
-            Op::Name
-            | Op::MemberName
-            | Op::Source
-            | Op::SourceContinued
-            | Op::SourceExtension
-            | Op::ModuleProcessed
-            | Op::Line
-            | Op::NoLine => self.debug.core(span, known.op),
-            Op::String => {
+            Opcode::Name
+            | Opcode::MemberName
+            | Opcode::Source
+            | Opcode::SourceContinued
+            | Opcode::SourceExtension
+            | Opcode::ModuleProcessed
+            | Opcode::Line
+            | Opcode::NoLine => self.debug.core(span, known.op),
+            Opcode::String => {
                 if span.end > span.start + 1 {
                     self.define(span.start + 1, Definition::Other)?;
                 }
                 self.debug.core(span, known.op);
             }
-            Op::ExtInst | Op::ExtInstWithForwardRefsKHR => {
+            Opcode::ExtInst | Opcode::ExtInstWithForwardRefsKHR => {
                 walk(self.words, span, 1, &mut |_, _| Ok(()))?;
                 let kind = self.set_kind(span)?;
                 match kind {
@@ -349,19 +349,16 @@ impl<'w> Loader<'w> {
         });
     }
 
-    fn global_variable(&mut self, span: Span, known: &Opcode) -> Result<()> {
+    fn global_variable(&mut self, span: Span, known: &InstructionGrammar) -> Result<()> {
         let first = span.start + 1;
         let pointer = self.type_at(span, first)?;
         let storage_class = self.words[first + 2];
-        let untyped = known.op == Op::UntypedVariableKHR;
+        let untyped = known.op == Opcode::UntypedVariableKHR;
         let pointee = self.variable_type(span, pointer, storage_class, untyped)?;
         if storage_class == FUNCTION_STORAGE {
             return Err(invalid(
                 first + 2,
-                format!(
-                    "{} of storage class Function is not allowed outside a function",
-                    opcode_name(span.opcode)
-                ),
+                format!("{} of storage class Function is not allowed outside a function", span.opcode),
             ));
         }
         let initializer_at = first + if untyped { 4 } else { 3 };
@@ -586,27 +583,23 @@ impl<'w> Loader<'w> {
     pub(super) fn expected(&self, span: Span, at: usize, what: &str) -> Error {
         invalid(
             at,
-            format!(
-                "{}: expected {what}, found {}",
-                opcode_name(span.opcode),
-                self.module.describe_id(self.id(at))
-            ),
+            format!("{}: expected {what}, found {}", span.opcode, self.module.describe_id(self.id(at))),
         )
     }
 }
 
 /// Whether the ids that an instruction of module scope names must be defined before it.
-fn is_declaration(known: &Opcode) -> bool {
-    known.op != Op::TypeForwardPointer
+fn is_declaration(known: &InstructionGrammar) -> bool {
+    known.op != Opcode::TypeForwardPointer
         && (known.name.starts_with("Type")
             || is_constant(known.op, known.name)
-            || matches!(known.op, Op::Variable | Op::UntypedVariableKHR))
+            || matches!(known.op, Opcode::Variable | Opcode::UntypedVariableKHR))
 }
 
 /// Whether an instruction of module scope is valid and ignored by this crate.
-fn is_ignored(known: &Opcode) -> bool {
-    known.op == Op::SamplerImageAddressingModeNV
-        || known.op == Op::AsmTargetINTEL
-        || known.op == Op::AsmINTEL
+fn is_ignored(known: &InstructionGrammar) -> bool {
+    known.op == Opcode::SamplerImageAddressingModeNV
+        || known.op == Opcode::AsmTargetINTEL
+        || known.op == Opcode::AsmINTEL
         || ["Graph", "Alias", "Conditional"].iter().any(|start| known.name.starts_with(start))
 }

@@ -1,65 +1,64 @@
 //! Modules that load, and what they contain.
 
 use pretty_assertions::assert_eq;
-use rspirv::spirv::Op;
 
 use crate::module::assemble::Assembler;
 use crate::module::constant::ConstantValue;
 use crate::module::interface::Stage;
 use crate::module::ty::{MatrixLayout, Type};
-use crate::module::{Definition, Id, load};
+use crate::module::{Definition, Id, Opcode, load};
 use anyhit_base::error::ErrorKind;
 
 /// A ray-generation shader with a function, a selection, a phi, a buffer and names.
 pub(super) fn sample() -> Assembler {
     let mut a = Assembler::bare(200);
-    a.op(Op::Capability, &[4479]);
-    a.with_string(Op::Extension, &[], "SPV_KHR_ray_tracing", &[]);
-    a.with_string(Op::ExtInstImport, &[100], "GLSL.std.450", &[]);
-    a.op(Op::MemoryModel, &[0, 1]);
-    a.with_string(Op::EntryPoint, &[5313, 30], "main", &[20]);
-    a.with_string(Op::String, &[101], "a.rgen", &[]);
-    a.with_string(Op::Source, &[2, 460, 101], "void main() {}\n", &[]);
-    a.with_string(Op::Name, &[30], "main", &[]);
-    a.with_string(Op::Name, &[15], "Buffer", &[]);
-    a.with_string(Op::MemberName, &[15, 0], "m", &[]);
-    a.with_string(Op::MemberName, &[15, 1], "list", &[]);
-    a.op(Op::Decorate, &[15, 2]);
-    a.op(Op::MemberDecorate, &[15, 0, 35, 0]);
-    a.op(Op::MemberDecorate, &[15, 0, 4]);
-    a.op(Op::MemberDecorate, &[15, 0, 7, 16]);
-    a.op(Op::MemberDecorate, &[15, 1, 35, 48]);
-    a.op(Op::Decorate, &[14, 6, 4]);
-    a.op(Op::Decorate, &[20, 34, 1]);
-    a.op(Op::Decorate, &[20, 33, 2]);
-    a.op(Op::Decorate, &[10, 1, 7]);
+    a.op(Opcode::Capability, &[4479]);
+    a.with_string(Opcode::Extension, &[], "SPV_KHR_ray_tracing", &[]);
+    a.with_string(Opcode::ExtInstImport, &[100], "GLSL.std.450", &[]);
+    a.op(Opcode::MemoryModel, &[0, 1]);
+    a.with_string(Opcode::EntryPoint, &[5313, 30], "main", &[20]);
+    a.with_string(Opcode::String, &[101], "a.rgen", &[]);
+    a.with_string(Opcode::Source, &[2, 460, 101], "void main() {}\n", &[]);
+    a.with_string(Opcode::Name, &[30], "main", &[]);
+    a.with_string(Opcode::Name, &[15], "Buffer", &[]);
+    a.with_string(Opcode::MemberName, &[15, 0], "m", &[]);
+    a.with_string(Opcode::MemberName, &[15, 1], "list", &[]);
+    a.op(Opcode::Decorate, &[15, 2]);
+    a.op(Opcode::MemberDecorate, &[15, 0, 35, 0]);
+    a.op(Opcode::MemberDecorate, &[15, 0, 4]);
+    a.op(Opcode::MemberDecorate, &[15, 0, 7, 16]);
+    a.op(Opcode::MemberDecorate, &[15, 1, 35, 48]);
+    a.op(Opcode::Decorate, &[14, 6, 4]);
+    a.op(Opcode::Decorate, &[20, 34, 1]);
+    a.op(Opcode::Decorate, &[20, 33, 2]);
+    a.op(Opcode::Decorate, &[10, 1, 7]);
     a.types();
-    a.op(Op::SpecConstant, &[5, 10, 4]);
-    a.op(Op::ConstantTrue, &[3, 11]);
-    a.op(Op::TypeMatrix, &[13, 7, 3]);
-    a.op(Op::TypeRuntimeArray, &[14, 6]);
-    a.op(Op::TypeStruct, &[15, 13, 14]);
-    a.op(Op::TypePointer, &[16, 12, 15]);
-    a.op(Op::TypeFunction, &[17, 6, 6]);
-    a.op(Op::Constant, &[6, 18, 1.5f32.to_bits()]);
-    a.op(Op::Variable, &[16, 20, 12]);
+    a.op(Opcode::SpecConstant, &[5, 10, 4]);
+    a.op(Opcode::ConstantTrue, &[3, 11]);
+    a.op(Opcode::TypeMatrix, &[13, 7, 3]);
+    a.op(Opcode::TypeRuntimeArray, &[14, 6]);
+    a.op(Opcode::TypeStruct, &[15, 13, 14]);
+    a.op(Opcode::TypePointer, &[16, 12, 15]);
+    a.op(Opcode::TypeFunction, &[17, 6, 6]);
+    a.op(Opcode::Constant, &[6, 18, 1.5f32.to_bits()]);
+    a.op(Opcode::Variable, &[16, 20, 12]);
     a.function(30, 31, |a| {
-        a.op(Op::Line, &[101, 3, 5]);
-        a.op(Op::FunctionCall, &[6, 32, 40, 18]);
-        a.op(Op::SelectionMerge, &[33, 0]);
-        a.op(Op::BranchConditional, &[11, 34, 33]);
-        a.op(Op::Label, &[34]);
-        a.op(Op::Branch, &[33]);
-        a.op(Op::Label, &[33]);
-        a.op(Op::Phi, &[6, 35, 18, 31, 32, 34]);
-        a.op(Op::Return, &[]);
+        a.op(Opcode::Line, &[101, 3, 5]);
+        a.op(Opcode::FunctionCall, &[6, 32, 40, 18]);
+        a.op(Opcode::SelectionMerge, &[33, 0]);
+        a.op(Opcode::BranchConditional, &[11, 34, 33]);
+        a.op(Opcode::Label, &[34]);
+        a.op(Opcode::Branch, &[33]);
+        a.op(Opcode::Label, &[33]);
+        a.op(Opcode::Phi, &[6, 35, 18, 31, 32, 34]);
+        a.op(Opcode::Return, &[]);
     });
-    a.op(Op::Function, &[6, 40, 0, 17]);
-    a.op(Op::FunctionParameter, &[6, 41]);
-    a.op(Op::Label, &[42]);
-    a.op(Op::ExtInst, &[6, 43, 100, 13, 41]);
-    a.op(Op::ReturnValue, &[43]);
-    a.op(Op::FunctionEnd, &[]);
+    a.op(Opcode::Function, &[6, 40, 0, 17]);
+    a.op(Opcode::FunctionParameter, &[6, 41]);
+    a.op(Opcode::Label, &[42]);
+    a.op(Opcode::ExtInst, &[6, 43, 100, 13, 41]);
+    a.op(Opcode::ReturnValue, &[43]);
+    a.op(Opcode::FunctionEnd, &[]);
     a
 }
 
@@ -91,7 +90,7 @@ fn everything_lands_in_its_arena() {
     assert_eq!(module.constant_scalar(Id(18)), Some(0x3fc0_0000));
 
     let main = &module.functions[0];
-    let opcodes = |block: usize| main.blocks[block].instructions.iter().map(|one| one.opcode);
+    let opcodes = |block: usize| main.blocks[block].instructions.iter().map(|one| one.opcode.0);
     assert_eq!(opcodes(0).collect::<Vec<_>>(), [57, 247, 250]);
     assert_eq!(opcodes(1).collect::<Vec<_>>(), [249]);
     assert_eq!(opcodes(2).collect::<Vec<_>>(), [245, 253]);
@@ -131,25 +130,25 @@ fn unknown_opcodes_are_kept_with_what_they_may_define() {
     let mut a = Assembler::new();
     a.types();
     // A type, a constant and two results of unknown opcodes.
-    a.raw(9000, &[20, 1, 2]);
-    a.op(Op::TypePointer, &[21, 7, 20]);
-    a.raw(9001, &[20, 22]);
-    a.op(Op::TypeStruct, &[23, 20]);
-    a.op(Op::ConstantComposite, &[23, 24, 22]);
+    a.op(Opcode(9000), &[20, 1, 2]);
+    a.op(Opcode::TypePointer, &[21, 7, 20]);
+    a.op(Opcode(9001), &[20, 22]);
+    a.op(Opcode::TypeStruct, &[23, 20]);
+    a.op(Opcode::ConstantComposite, &[23, 24, 22]);
     a.function(30, 31, |a| {
-        a.op(Op::Variable, &[21, 32, 7]);
-        a.raw(9002, &[20, 33, 32]);
-        a.op(Op::Store, &[32, 33]);
-        a.op(Op::Branch, &[34]);
-        a.op(Op::Label, &[34]);
-        a.raw(9003, &[]);
+        a.op(Opcode::Variable, &[21, 32, 7]);
+        a.op(Opcode(9002), &[20, 33, 32]);
+        a.op(Opcode::Store, &[32, 33]);
+        a.op(Opcode::Branch, &[34]);
+        a.op(Opcode::Label, &[34]);
+        a.op(Opcode(9003), &[]);
     });
     let module = a.loaded();
     let ty = module.type_with_id(Id(20)).unwrap();
-    assert_eq!(*module.ty(ty), Type::Other(9000));
+    assert_eq!(*module.ty(ty), Type::Other(Opcode(9000)));
     let blocks = &module.functions[0].blocks;
     let unknown = &blocks[0].instructions[1];
-    assert_eq!((unknown.opcode, unknown.result_type, unknown.result), (9002, None, None));
+    assert_eq!((unknown.opcode, unknown.result_type, unknown.result), (Opcode(9002), None, None));
     assert_eq!(module.operands(unknown), [20, 33, 32]);
     assert_eq!(module.definition(Id(33)), None);
     assert_eq!(blocks[1].instructions.len(), 1);
@@ -158,13 +157,13 @@ fn unknown_opcodes_are_kept_with_what_they_may_define() {
 #[test]
 fn unknown_enumerants_are_kept() {
     let mut a = Assembler::bare(100);
-    a.op(Op::Capability, &[6032]);
-    a.op(Op::Capability, &[60_000]);
-    a.op(Op::MemoryModel, &[0, 99]);
-    a.op(Op::Decorate, &[6, 40_000, 1, 2, 3]);
+    a.op(Opcode::Capability, &[6032]);
+    a.op(Opcode::Capability, &[60_000]);
+    a.op(Opcode::MemoryModel, &[0, 99]);
+    a.op(Opcode::Decorate, &[6, 40_000, 1, 2, 3]);
     a.types();
-    a.op(Op::TypePointer, &[20, 30_000, 6]);
-    a.op(Op::Variable, &[20, 21, 30_000]);
+    a.op(Opcode::TypePointer, &[20, 30_000, 6]);
+    a.op(Opcode::Variable, &[20, 21, 30_000]);
     let module = a.loaded();
     assert_eq!(module.capabilities, [6032, 60_000]);
     assert_eq!(module.memory_model, (0, 99));
@@ -175,45 +174,45 @@ fn unknown_enumerants_are_kept() {
 #[test]
 fn unsupported_types_are_kept() {
     let mut a = Assembler::new();
-    a.op(Op::TypeInt, &[1, 24, 0]);
-    a.op(Op::Constant, &[1, 2, 5]);
-    a.op(Op::TypeEvent, &[3]);
-    a.with_string(Op::TypeOpaque, &[4], "name", &[]);
-    a.op(Op::TypeFloat, &[5, 16, 0]);
-    a.op(Op::TypeUntypedPointerKHR, &[6, 12]);
-    a.op(Op::UntypedVariableKHR, &[6, 7, 12, 5]);
+    a.op(Opcode::TypeInt, &[1, 24, 0]);
+    a.op(Opcode::Constant, &[1, 2, 5]);
+    a.op(Opcode::TypeEvent, &[3]);
+    a.with_string(Opcode::TypeOpaque, &[4], "name", &[]);
+    a.op(Opcode::TypeFloat, &[5, 16, 0]);
+    a.op(Opcode::TypeUntypedPointerKHR, &[6, 12]);
+    a.op(Opcode::UntypedVariableKHR, &[6, 7, 12, 5]);
     let module = a.loaded();
     let types: Vec<String> = (0..module.types.len())
         .map(|index| module.describe_type(crate::module::ty::TypeId(index as u32)))
         .collect();
     assert_eq!(types, ["OpTypeInt", "OpTypeEvent", "OpTypeOpaque", "bfloat16_t", "pointer to StorageBuffer"]);
-    assert_eq!(module.constants[0].value, ConstantValue::Other(Op::Constant as u16));
+    assert_eq!(module.constants[0].value, ConstantValue::Other(Opcode::Constant));
     assert_eq!(module.definition(Id(7)), Some(Definition::Variable(0)));
 }
 
 #[test]
 fn groups_modes_and_strings_reach_their_targets() {
     let mut a = Assembler::new();
-    a.with_string(Op::EntryPoint, &[5, 30], "one", &[]);
-    a.with_string(Op::EntryPoint, &[5, 30], "two", &[]);
-    a.op(Op::ExecutionMode, &[30, 17, 8, 4, 1]);
-    a.op(Op::ExecutionModeId, &[30, 38, 8, 8, 8]);
-    a.op(Op::Decorate, &[40, 34, 3]);
-    a.op(Op::Decorate, &[40, 33, 1]);
-    a.op(Op::DecorationGroup, &[40]);
-    a.op(Op::GroupDecorate, &[40, 21, 22]);
-    a.op(Op::Decorate, &[41, 35, 12]);
-    a.op(Op::DecorationGroup, &[41]);
-    a.op(Op::GroupMemberDecorate, &[41, 23, 1]);
-    a.with_string(Op::DecorateString, &[21, 5635], "TEXCOORD", &[]);
-    a.op(Op::DecorateId, &[22, 46, 8]);
+    a.with_string(Opcode::EntryPoint, &[5, 30], "one", &[]);
+    a.with_string(Opcode::EntryPoint, &[5, 30], "two", &[]);
+    a.op(Opcode::ExecutionMode, &[30, 17, 8, 4, 1]);
+    a.op(Opcode::ExecutionModeId, &[30, 38, 8, 8, 8]);
+    a.op(Opcode::Decorate, &[40, 34, 3]);
+    a.op(Opcode::Decorate, &[40, 33, 1]);
+    a.op(Opcode::DecorationGroup, &[40]);
+    a.op(Opcode::GroupDecorate, &[40, 21, 22]);
+    a.op(Opcode::Decorate, &[41, 35, 12]);
+    a.op(Opcode::DecorationGroup, &[41]);
+    a.op(Opcode::GroupMemberDecorate, &[41, 23, 1]);
+    a.with_string(Opcode::DecorateString, &[21, 5635], "TEXCOORD", &[]);
+    a.op(Opcode::DecorateId, &[22, 46, 8]);
     a.types();
-    a.op(Op::TypePointer, &[20, 6, 6]);
-    a.op(Op::Variable, &[20, 21, 6]);
-    a.op(Op::Variable, &[20, 22, 6]);
-    a.op(Op::TypeStruct, &[23, 6, 6]);
+    a.op(Opcode::TypePointer, &[20, 6, 6]);
+    a.op(Opcode::Variable, &[20, 21, 6]);
+    a.op(Opcode::Variable, &[20, 22, 6]);
+    a.op(Opcode::TypeStruct, &[23, 6, 6]);
     a.function(30, 31, |a| {
-        a.op(Op::Return, &[]);
+        a.op(Opcode::Return, &[]);
     });
     let module = a.loaded();
     for entry in &module.entry_points {
@@ -234,21 +233,21 @@ fn groups_modes_and_strings_reach_their_targets() {
 fn wide_switches_and_specialization_operations_are_read() {
     let mut a = Assembler::new();
     a.types();
-    a.op(Op::TypeInt, &[20, 64, 1]);
-    a.op(Op::Constant, &[20, 21, 7, 1]);
-    a.op(Op::SpecConstantOp, &[5, 22, Op::IAdd as u32, 8, 8]);
-    a.op(Op::TypeArray, &[23, 6, 22]);
+    a.op(Opcode::TypeInt, &[20, 64, 1]);
+    a.op(Opcode::Constant, &[20, 21, 7, 1]);
+    a.op(Opcode::SpecConstantOp, &[5, 22, u32::from(Opcode::IAdd.0), 8, 8]);
+    a.op(Opcode::TypeArray, &[23, 6, 22]);
     a.function(30, 31, |a| {
-        a.op(Op::SelectionMerge, &[33, 0]);
-        a.op(Op::Switch, &[21, 33, 7, 1, 32, 8, 1, 33]);
-        a.op(Op::Label, &[32]);
-        a.op(Op::Branch, &[33]);
-        a.op(Op::Label, &[33]);
-        a.op(Op::Return, &[]);
+        a.op(Opcode::SelectionMerge, &[33, 0]);
+        a.op(Opcode::Switch, &[21, 33, 7, 1, 32, 8, 1, 33]);
+        a.op(Opcode::Label, &[32]);
+        a.op(Opcode::Branch, &[33]);
+        a.op(Opcode::Label, &[33]);
+        a.op(Opcode::Return, &[]);
     });
     let module = a.loaded();
     assert_eq!(module.constant_scalar(Id(21)), Some(0x1_0000_0007));
-    let operation = ConstantValue::Operation { opcode: Op::IAdd as u16, operands: vec![8, 8] };
+    let operation = ConstantValue::Operation { opcode: Opcode::IAdd, operands: vec![8, 8] };
     assert_eq!(module.constants[2].value, operation);
     let switch = &module.functions[0].blocks[0].instructions[1];
     assert_eq!(module.branch_targets(switch)[..], [Id(33), Id(32), Id(33)]);
@@ -258,12 +257,12 @@ fn wide_switches_and_specialization_operations_are_read() {
 #[test]
 fn libraries_kernels_and_imports_load() {
     let mut a = Assembler::bare(100);
-    a.op(Op::Capability, &[5]);
-    a.op(Op::MemoryModel, &[2, 2]);
-    a.with_string(Op::Decorate, &[30, 41], "imported", &[1]);
+    a.op(Opcode::Capability, &[5]);
+    a.op(Opcode::MemoryModel, &[2, 2]);
+    a.with_string(Opcode::Decorate, &[30, 41], "imported", &[1]);
     a.types();
-    a.op(Op::Function, &[1, 30, 0, 2]);
-    a.op(Op::FunctionEnd, &[]);
+    a.op(Opcode::Function, &[1, 30, 0, 2]);
+    a.op(Opcode::FunctionEnd, &[]);
     let module = a.loaded();
     assert_eq!(module.memory_model, (2, 2));
     assert!(module.functions[0].blocks.is_empty());
@@ -273,10 +272,10 @@ fn libraries_kernels_and_imports_load() {
 fn too_many_copies_of_decorations_are_refused() {
     let mut a = Assembler::new();
     for _ in 0..2000 {
-        a.op(Op::Decorate, &[40, 33, 1]);
+        a.op(Opcode::Decorate, &[40, 33, 1]);
     }
-    a.op(Op::DecorationGroup, &[40]);
-    let at = a.op(Op::GroupDecorate, &[&[40][..], &[6; 2000]].concat());
+    a.op(Opcode::DecorationGroup, &[40]);
+    let at = a.op(Opcode::GroupDecorate, &[&[40][..], &[6; 2000]].concat());
     a.types();
     let error = a.refused();
     assert_eq!(error.kind(), ErrorKind::UnsupportedModule);

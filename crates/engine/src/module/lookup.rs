@@ -2,13 +2,12 @@
 
 use std::collections::HashSet;
 
-use rspirv::spirv::Op;
 use smallvec::SmallVec;
 
 use crate::module::constant::ConstantValue;
 use crate::module::grammar::id_operands;
 use crate::module::ty::{Type, TypeId};
-use crate::module::{Definition, Function, Id, Instruction, Module};
+use crate::module::{Definition, Function, Id, Instruction, Module, Opcode};
 
 impl Module {
     /// The bits of a plain scalar constant: no specialization constant, no composite.
@@ -224,14 +223,11 @@ impl Module {
     /// The labels that a terminator may branch to, in the order of its operands; empty for others.
     #[doc(hidden)]
     pub fn branch_targets(&self, terminator: &Instruction) -> SmallVec<[Id; 2]> {
-        const BRANCH: u16 = Op::Branch as u16;
-        const BRANCH_CONDITIONAL: u16 = Op::BranchConditional as u16;
-        const SWITCH: u16 = Op::Switch as u16;
         let operands = self.operands(terminator);
         match terminator.opcode {
-            BRANCH => operands.iter().copied().map(Id).collect(),
-            BRANCH_CONDITIONAL => SmallVec::from_buf([Id(operands[1]), Id(operands[2])]),
-            SWITCH => {
+            Opcode::Branch => operands.iter().copied().map(Id).collect(),
+            Opcode::BranchConditional => SmallVec::from_buf([Id(operands[1]), Id(operands[2])]),
+            Opcode::Switch => {
                 let pair = 1 + self.switch_literal_words(terminator);
                 let cases = operands[2..].chunks_exact(pair).map(|case| Id(case[pair - 1]));
                 std::iter::once(Id(operands[1])).chain(cases).collect()
@@ -243,7 +239,7 @@ impl Module {
     /// How many words each case literal of an `OpSwitch` takes: 2 for a 64-bit selector, else 1.
     #[doc(hidden)]
     pub fn switch_literal_words(&self, instruction: &Instruction) -> usize {
-        if instruction.opcode != Op::Switch as u16 {
+        if instruction.opcode != Opcode::Switch {
             return 1;
         }
         let selector = self.operands(instruction).first().and_then(|id| self.type_of(Id(*id)));

@@ -31,6 +31,7 @@ pub mod interface;
 pub mod load;
 mod lookup;
 pub mod names;
+mod opcode;
 pub(crate) mod opcode_table;
 mod open;
 pub mod scalar_value;
@@ -63,6 +64,7 @@ use std::sync::OnceLock;
 
 pub use instructions::Instructions;
 pub use load::{load, load_with};
+pub use opcode::Opcode;
 
 /// A result id of the module.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -70,12 +72,11 @@ pub struct Id(pub u32);
 
 /// One instruction of a function. Its operands stay in the words of the module.
 ///
-/// `opcode` is the number of the specification: unknown ones are kept, and are an error only
-/// where they would have to be executed.
+/// Unknown opcodes are kept. They are an error only where they would be executed.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Instruction {
-    /// The opcode's number.
-    pub opcode: u16,
+    /// The opcode.
+    pub opcode: Opcode,
     /// Where the instruction begins, in words from the start of the module.
     pub offset: u32,
     /// The result type's id, where the opcode has one.

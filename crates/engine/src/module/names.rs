@@ -4,24 +4,18 @@ use std::borrow::Cow;
 
 use rspirv::{grammar, spirv};
 
-pub use crate::module::grammar::opcode_name;
+use crate::module::{Opcode, validate};
 
 /// The extensions that specify an instruction, by its name (`OpTraceRayMotionNV`); none for one of
 /// SPIR-V itself, and for an unknown one.
 pub fn extensions_of(name: &str) -> &'static [&'static str] {
-    let known = name
-        .strip_prefix("Op")
-        .and_then(|name| grammar::INSTRUCTION_TABLE.iter().find(|instruction| instruction.opname == name));
-    known.map_or(&[], |instruction| instruction.extensions)
+    let opcode = name.strip_prefix("Op").and_then(Opcode::by_name);
+    opcode.map_or(&[], Opcode::extensions)
 }
 
 /// The name of a capability (`RayTracingKHR`), or `capability 1234`.
 pub fn capability_name(number: u32) -> Cow<'static, str> {
-    // rspirv's tables are older than this capability.
-    if number == 6032 {
-        return "RayTracingOpacityMicromapExecutionModeKHR".into();
-    }
-    name_or_number("capability", number, spirv::Capability::from_u32(number))
+    validate::capability_name(number)
 }
 
 /// The name of a storage class (`StorageBuffer`), or `storage class 1234`.
@@ -87,8 +81,6 @@ mod tests {
 
     #[test]
     fn known_numbers_have_names_and_others_say_what_they_are() {
-        assert_eq!(opcode_name(129), "OpFAdd");
-        assert_eq!(opcode_name(9999), "opcode 9999");
         assert_eq!(capability_name(4479), "RayTracingKHR");
         assert_eq!(capability_name(6032), "RayTracingOpacityMicromapExecutionModeKHR");
         assert_eq!(capability_name(60000), "capability 60000");

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use crate::module::Instruction;
+use crate::module::{Instruction, Opcode};
 use anyhit_base::error::{Error, ErrorKind, Place};
 
 /// The error for a violated rule at a word of the module.
@@ -14,7 +14,7 @@ pub(crate) fn invalid(offset: usize, message: impl Into<String>) -> Error {
 /// One instruction: its opcode and the range of its words, the first (count and opcode) included.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Span {
-    pub(crate) opcode: u16,
+    pub(crate) opcode: Opcode,
     pub(crate) start: usize,
     pub(crate) end: usize,
 }

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use crate::math::float_format::FloatFormat;
-use crate::module::{Id, Module};
+use crate::module::{Id, Module, Opcode};
 
 /// A handle of a type: an index into [`Module::types`](crate::module::Module::types).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -76,7 +76,7 @@ pub enum Type {
         ext: bool,
     },
     /// A type that this crate does not know: the number of its opcode.
-    Other(u16),
+    Other(Opcode),
 }
 
 /// `BFloat16KHR` (`SPV_KHR_bfloat16`), an `FP Encoding` of 16 bits.
@@ -297,8 +297,8 @@ impl TypeExtent {
 
 #[cfg(test)]
 mod tests {
+    use crate::module::Opcode;
     use pretty_assertions::assert_eq;
-    use rspirv::spirv::Op;
 
     use super::*;
     use crate::module::assemble::Assembler;
@@ -317,25 +317,25 @@ mod tests {
     fn sizes_follow_the_explicit_layout() {
         let mut a = Assembler::new();
         // struct { mat3x2 row-major at 16, stride 16; float[3] at 64, stride 8; pointer at 96 }
-        a.op(Op::MemberDecorate, &[20, 0, 35, 16]);
-        a.op(Op::MemberDecorate, &[20, 0, 4]);
-        a.op(Op::MemberDecorate, &[20, 0, 7, 16]);
-        a.op(Op::MemberDecorate, &[20, 1, 35, 64]);
-        a.op(Op::MemberDecorate, &[20, 2, 35, 96]);
-        a.op(Op::MemberDecorate, &[21, 0, 35, 4]);
-        a.op(Op::MemberDecorate, &[21, 0, 7, 16]);
-        a.op(Op::Decorate, &[12, 6, 8]);
-        a.op(Op::Decorate, &[22, 6, 64]);
+        a.op(Opcode::MemberDecorate, &[20, 0, 35, 16]);
+        a.op(Opcode::MemberDecorate, &[20, 0, 4]);
+        a.op(Opcode::MemberDecorate, &[20, 0, 7, 16]);
+        a.op(Opcode::MemberDecorate, &[20, 1, 35, 64]);
+        a.op(Opcode::MemberDecorate, &[20, 2, 35, 96]);
+        a.op(Opcode::MemberDecorate, &[21, 0, 35, 4]);
+        a.op(Opcode::MemberDecorate, &[21, 0, 7, 16]);
+        a.op(Opcode::Decorate, &[12, 6, 8]);
+        a.op(Opcode::Decorate, &[22, 6, 64]);
         a.types();
-        a.op(Op::TypeVector, &[10, 6, 2]);
-        a.op(Op::TypeMatrix, &[11, 10, 3]);
-        a.op(Op::TypeArray, &[12, 6, 8]);
-        a.op(Op::TypePointer, &[13, 5349, 6]);
-        a.op(Op::TypeStruct, &[20, 11, 12, 13]);
-        a.op(Op::TypeArray, &[22, 11, 8]);
-        a.op(Op::TypeStruct, &[21, 22]);
-        a.op(Op::TypeStruct, &[23, 6]);
-        a.op(Op::TypeRuntimeArray, &[24, 6]);
+        a.op(Opcode::TypeVector, &[10, 6, 2]);
+        a.op(Opcode::TypeMatrix, &[11, 10, 3]);
+        a.op(Opcode::TypeArray, &[12, 6, 8]);
+        a.op(Opcode::TypePointer, &[13, 5349, 6]);
+        a.op(Opcode::TypeStruct, &[20, 11, 12, 13]);
+        a.op(Opcode::TypeArray, &[22, 11, 8]);
+        a.op(Opcode::TypeStruct, &[21, 22]);
+        a.op(Opcode::TypeStruct, &[23, 6]);
+        a.op(Opcode::TypeRuntimeArray, &[24, 6]);
         let module = a.loaded();
         assert_eq!(size(&module, 7), Some(12));
         // Two elements of stride 8 and one float.
@@ -356,13 +356,13 @@ mod tests {
     fn scalars_are_counted_and_huge_counts_saturate() {
         let mut a = Assembler::new();
         a.types();
-        a.op(Op::Constant, &[5, 10, 0x7fff_ffff]);
-        a.op(Op::TypeArray, &[11, 6, 10]);
-        a.op(Op::TypeArray, &[12, 11, 10]);
-        a.op(Op::TypeArray, &[13, 12, 10]);
-        a.op(Op::TypeMatrix, &[14, 7, 4]);
-        a.op(Op::TypeStruct, &[15, 14, 6, 3]);
-        a.op(Op::TypeRuntimeArray, &[16, 6]);
+        a.op(Opcode::Constant, &[5, 10, 0x7fff_ffff]);
+        a.op(Opcode::TypeArray, &[11, 6, 10]);
+        a.op(Opcode::TypeArray, &[12, 11, 10]);
+        a.op(Opcode::TypeArray, &[13, 12, 10]);
+        a.op(Opcode::TypeMatrix, &[14, 7, 4]);
+        a.op(Opcode::TypeStruct, &[15, 14, 6, 3]);
+        a.op(Opcode::TypeRuntimeArray, &[16, 6]);
         let module = a.loaded();
         assert_eq!(count(&module, 12), Some(0x7fff_ffff * 0x7fff_ffff));
         assert_eq!(count(&module, 13), Some(u64::MAX));
@@ -373,11 +373,11 @@ mod tests {
     #[test]
     fn specialization_changes_sizes() {
         let mut a = Assembler::new();
-        a.op(Op::Decorate, &[10, 1, 0]);
-        a.op(Op::Decorate, &[11, 6, 4]);
+        a.op(Opcode::Decorate, &[10, 1, 0]);
+        a.op(Opcode::Decorate, &[11, 6, 4]);
         a.types();
-        a.op(Op::SpecConstant, &[5, 10, 2]);
-        a.op(Op::TypeArray, &[11, 6, 10]);
+        a.op(Opcode::SpecConstant, &[5, 10, 2]);
+        a.op(Opcode::TypeArray, &[11, 6, 10]);
         let mut module = a.loaded();
         assert_eq!((size(&module, 11), count(&module, 11)), (Some(8), Some(2)));
         module.specialize_bits(0, 5).unwrap();
@@ -390,10 +390,10 @@ mod tests {
     fn structs_of_structs_of_structs_take_no_time() {
         let mut a = Assembler::new();
         a.types();
-        a.op(Op::TypeStruct, &[100, 6, 6]);
+        a.op(Opcode::TypeStruct, &[100, 6, 6]);
         // As deep as 2^32 parts allow.
         for id in 101..=130 {
-            a.op(Op::TypeStruct, &[id, id - 1, id - 1]);
+            a.op(Opcode::TypeStruct, &[id, id - 1, id - 1]);
         }
         let limits = InputLimits::default().with(InputLimit::TypeParts, u64::MAX);
         let module = load_with(&a.bytes(), limits).unwrap();

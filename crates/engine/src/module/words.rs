@@ -2,6 +2,7 @@
 //!
 //! SPIR-V specification, section 2.3 "Physical Layout of a SPIR-V Module and Instruction".
 
+use crate::module::Opcode;
 use crate::module::span::{Span, ends_string, invalid};
 use anyhit_base::error::{Error, ErrorKind, Place, Result};
 use anyhit_base::input::{InputLimit, InputLimits};
@@ -121,22 +122,16 @@ impl<'w> Walker<'w> {
     /// where there are more instructions than [`InputLimit::ModuleInstructions`].
     pub(crate) fn next(&mut self) -> Result<Option<Span>> {
         let Some(&first) = self.words.get(self.at) else { return Ok(None) };
-        let (opcode, count) = (first as u16, (first >> 16) as usize);
+        let (opcode, count) = (Opcode::of_word(first), (first >> 16) as usize);
         let start = self.at;
         if count == 0 {
-            return Err(invalid(
-                start,
-                format!("{} has a word count of 0, expected at least 1", super::names::opcode_name(opcode)),
-            ));
+            return Err(invalid(start, format!("{} has a word count of 0, expected at least 1", opcode)));
         }
         let left = self.words.len() - start;
         if count > left {
             return Err(invalid(
                 start,
-                format!(
-                    "{} has a word count of {count}, but the module ends after {left}",
-                    super::names::opcode_name(opcode)
-                ),
+                format!("{} has a word count of {count}, but the module ends after {left}", opcode),
             ));
         }
         self.count += 1;
@@ -213,7 +208,7 @@ mod tests {
         let mut words = vec![MAGIC, 0x0001_0000, 0, 1, 0, 0x0002_0011, 1];
         words.push(0x0003_0011);
         let mut walker = Walker::new(&words, InputLimits::default());
-        assert_eq!(walker.next().unwrap(), Some(Span { opcode: 17, start: 5, end: 7 }));
+        assert_eq!(walker.next().unwrap(), Some(Span { opcode: Opcode::Capability, start: 5, end: 7 }));
         let error = walker.next().unwrap_err();
         assert_eq!(first_place(&error), Some(Place::Word(7)));
         assert_eq!(error.message(), "OpCapability has a word count of 3, but the module ends after 1");

@@ -1,12 +1,11 @@
 //! Pointer arithmetic: `OpPtrAccessChain` and `OpInBoundsPtrAccessChain`, comparisons, and the
 //! conversions between device addresses (`PhysicalStorageBuffer`) and integers.
 
-use rspirv::spirv::Op as Opcode;
 use smallvec::SmallVec;
 
 use crate::machine::Reg;
 use crate::module::ty::Type;
-use crate::module::{Id, Instruction};
+use crate::module::{Id, Instruction, Opcode};
 use crate::ops::conversion::{self, Conversion};
 use crate::ops::integer_operand::ReadAs;
 use crate::ops::memory::{self, BufferRef, Length};

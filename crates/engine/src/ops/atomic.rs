@@ -12,8 +12,8 @@
 
 use std::sync::atomic::Ordering::Relaxed;
 
+use crate::module::Opcode;
 use half::f16;
-use rspirv::spirv::Op as Opcode;
 
 use crate::machine::{Batch, Bindings, Mask, Reg, Scalar, TrapCode};
 use crate::ops::access::Access;

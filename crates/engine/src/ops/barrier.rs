@@ -5,10 +5,10 @@
 //! batch, in lockstep. One of scope Workgroup stops the batch until the whole workgroup has reached
 //! it.
 
-use rspirv::spirv::{Op as Opcode, Scope};
+use rspirv::spirv::Scope;
 
-use crate::module::Instruction;
 use crate::module::interface::Stage;
+use crate::module::{Instruction, Opcode};
 use crate::ops::op::Op;
 use crate::ops::translate::Translator;
 use anyhit_base::error::Result;

@@ -1,20 +1,19 @@
 //! Composite instructions (SPIR-V 3.3.12), `OpSelect`, copies and undefined values: lists of
 //! registers rearranged; only an index that is computed needs an operation.
 
-use rspirv::spirv::Op as Opcode;
 use smallvec::SmallVec;
 
 use crate::machine::Reg;
 use crate::math::array;
-use crate::module::Instruction;
 use crate::module::ty::{Type, TypeId};
+use crate::module::{Instruction, Opcode};
 use crate::ops::integer_operand::ReadAs;
 use crate::ops::linear_algebra::{columns, scalar_width_of_matrix};
-use crate::ops::memory::{self, Length};
+use crate::ops::memory::{self, Length, MemoryOp};
 use crate::ops::op::Op;
 use crate::ops::relational_logical::select::SelectWord;
-use crate::ops::translate::Translator;
 use crate::ops::translate::budget::WORDS_OF_A_STEP;
+use crate::ops::translate::{IdValue, Translator};
 use crate::ops::value_registers::{Words, registers_from};
 use crate::ops::{address, linear_algebra};
 use anyhit_base::error::Result;
@@ -30,8 +29,10 @@ pub const OPCODES: &[Opcode] = &[
     Opcode::VectorInsertDynamic,
     Opcode::Transpose,
     Opcode::CopyObject,
+    Opcode::FreezeKHR,
     Opcode::CopyLogical,
     Opcode::Undef,
+    Opcode::PoisonKHR,
     Opcode::Select,
     Opcode::Bitcast,
 ];
@@ -162,6 +163,7 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
                 translator.define(result, value);
             }
         }
+        Opcode::FreezeKHR => freeze(translator, instruction)?,
         Opcode::CopyLogical => {
             let (from, to) = (translator.id(instruction, 0)?, translator.result_type(instruction)?);
             let from = translator.type_of(from)?;
@@ -175,7 +177,7 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
             check_count(translator, instruction, &words)?;
             translator.define_result(instruction, words);
         }
-        Opcode::Undef => {
+        Opcode::Undef | Opcode::PoisonKHR => {
             let ty = translator.result_type(instruction)?;
             let words = translator.undefined(ty)?;
             translator.define_result(instruction, words);
@@ -226,6 +228,29 @@ impl Translator<'_> {
         let words = self.words(id)?;
         if words.is_empty() { Err(self.invalid("the condition has no value")) } else { Ok(words) }
     }
+}
+
+/// `OpFreezeKHR` (`SPV_KHR_poison_freeze`): the value of its operand, which is defined from here
+/// on. Undefined values hold bits that do not change, so only programs that are not optimised have
+/// operations for it.
+fn freeze(translator: &mut Translator<'_>, instruction: &Instruction) -> Result<()> {
+    let id = translator.id(instruction, 0)?;
+    let value = match translator.value(id)? {
+        IdValue::Words(words) if !translator.optimizes && !translator.in_constant => {
+            let count = words.len() as u32;
+            let first = translator.fresh(count)?;
+            for (at, &from) in words.iter().enumerate() {
+                translator.emit(Op::Memory(MemoryOp::Move { to: first.plus(at as u32), from }));
+            }
+            translator.emit(Op::Memory(MemoryOp::Freeze { first, count }));
+            IdValue::Words(registers_from(first, count))
+        }
+        value => value,
+    };
+    if let Some(result) = instruction.result {
+        translator.define(result, value);
+    }
+    Ok(())
 }
 
 /// A composite all of whose constituents are one value.

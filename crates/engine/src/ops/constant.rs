@@ -1,11 +1,9 @@
 //! `OpSpecConstantOp`: an instruction on constants, folded by running its own kernel.
 
-use rspirv::spirv::Op as Opcode;
-
 use crate::machine::OpIndex;
 use crate::module::constant::ConstantValue;
 use crate::module::ty::TypeId;
-use crate::module::{Definition, Id, Instruction};
+use crate::module::{Definition, Id, Instruction, Opcode};
 use crate::ops::translate::{IdValue, Translator};
 use crate::ops::value_registers::Words;
 use anyhit_base::error::Result;
@@ -47,7 +45,7 @@ fn tail(
     translator: &Translator<'_>,
     id: Id,
     ty: TypeId,
-    opcode: u16,
+    opcode: Opcode,
     constant: u32,
     operands: usize,
 ) -> Instruction {
@@ -66,24 +64,23 @@ pub fn operation(
     translator: &mut Translator<'_>,
     id: Id,
     ty: TypeId,
-    opcode: u16,
+    opcode: Opcode,
     operands: &[u32],
 ) -> Result<Words> {
-    let name = crate::module::names::opcode_name(opcode);
     let instruction = tail(translator, id, ty, opcode, translator.origin.offset, operands.len());
     debug_assert_eq!(translator.module.operands(&instruction), operands);
-    if Opcode::from_u32(opcode.into()).is_none() {
-        return Err(translator.unsupported(format!("{name} in OpSpecConstantOp is not supported")));
+    if !opcode.is_known() {
+        return Err(translator.unsupported(format!("{opcode} in OpSpecConstantOp is not supported")));
     }
     let emitted = translator.ops.len();
     crate::ops::translate_instruction(translator, opcode, &instruction)?;
     if translator.ops.len() != emitted {
         return Err(
-            translator.unsupported(format!("{name} on operands that are not constant is not supported"))
+            translator.unsupported(format!("{opcode} on operands that are not constant is not supported"))
         );
     }
     match translator.local(id) {
         Some(IdValue::Words(words)) => Ok(words.clone()),
-        _ => Err(translator.invalid(format!("the result of {name} is not a constant"))),
+        _ => Err(translator.invalid(format!("the result of {opcode} is not a constant"))),
     }
 }

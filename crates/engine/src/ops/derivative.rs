@@ -6,10 +6,8 @@
 //! or column; the specification allows that for coarse and unqualified derivatives, too. The value
 //! of an inactive invocation of the quad counts as 0, as the specification leaves it undefined.
 
-use rspirv::spirv::Op as Opcode;
-
 use crate::machine::Reg;
-use crate::module::Instruction;
+use crate::module::{Instruction, Opcode};
 use crate::ops::arithmetic::{FAdd, FSub};
 use crate::ops::glsl::FAbs;
 use crate::ops::subgroup::{self, ReadSource};
@@ -39,7 +37,7 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
         return Ok(false);
     }
     if !translator.derivatives {
-        let name = crate::module::names::opcode_name(instruction.opcode);
+        let name = instruction.opcode;
         return Err(translator.invalid(format!(
             "{name} requires a fragment stage, or compute with a derivative group \
              (SPV_KHR_compute_shader_derivatives)"
@@ -96,7 +94,7 @@ mod tests {
             with_operand.words.push(20);
             let end = with_operand.words.len() as u32;
             let instruction = Instruction {
-                opcode: opcode as u16,
+                opcode: opcode,
                 offset: 0,
                 result_type: Some(Id(6)),
                 result: Some(Id(21)),

@@ -1,11 +1,9 @@
 //! Dot products of integers (SPIR-V 3.3.13, `SPV_KHR_integer_dot_product`): components are widened
 //! to the result, multiplied and summed modulo 2^width; the accumulator is added with saturation.
 
-use rspirv::spirv::Op as Opcode;
-
 use crate::machine::Reg;
 use crate::module::ty::Type;
-use crate::module::{Id, Instruction};
+use crate::module::{Id, Instruction, Opcode};
 use crate::ops::arithmetic::{IAdd, IMul};
 use crate::ops::conversion::{self, Conversion};
 use crate::ops::translate::Translator;
@@ -79,7 +77,7 @@ fn check(
     let module = translator.module;
     let result = translator.result_type(instruction)?;
     let invalid = |what: &str| {
-        let name = crate::module::names::opcode_name(instruction.opcode);
+        let name = instruction.opcode;
         Err(translator.invalid(format!("{name}: {what} (SPV_KHR_integer_dot_product)")))
     };
     let Type::Int { width: result_width, signed: result_signed } = *module.ty(result) else {

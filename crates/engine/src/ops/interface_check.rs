@@ -5,11 +5,9 @@
 //! points of the module use. Validators leave part of this out (the builtins of
 //! `SPV_NV_linear_swept_spheres`, the writes to hit attributes).
 
-use rspirv::spirv::Op as Opcode;
-
 use crate::module::interface::{EntryPoint, InterfaceVariable, Stage};
 use crate::module::names::storage_class_name;
-use crate::module::{Definition, Id, Instruction, Module};
+use crate::module::{Definition, Id, Instruction, Module, Opcode};
 use crate::ops::builtin;
 use crate::ops::pointer::storage;
 use crate::ops::translate::Translator;
@@ -149,7 +147,7 @@ fn check_instructions(translator: &mut Translator<'_>, entry: &EntryPoint, attri
     for function in module.call_tree(entry.function) {
         for instruction in module.functions[function as usize].instructions() {
             translator.origin.offset = instruction.offset;
-            let limited = INSTRUCTION_STAGES.iter().find(|(opcode, _)| *opcode as u16 == instruction.opcode);
+            let limited = INSTRUCTION_STAGES.iter().find(|(opcode, _)| *opcode == instruction.opcode);
             if let Some((opcode, _)) = limited.filter(|(_, stages)| !stages.contains(letter)) {
                 let message = format!("Op{opcode:?} cannot be used in {}", translator.stage.name());
                 return Err(translator.invalid(message).note("SPV_KHR_ray_tracing"));
@@ -158,7 +156,7 @@ fn check_instructions(translator: &mut Translator<'_>, entry: &EntryPoint, attri
                 let pointer = module.operands(instruction).first().copied();
                 pointer.and_then(|pointer| base_variable(module, Id(pointer)))
             };
-            let stores = instruction.opcode == Opcode::Store as u16;
+            let stores = instruction.opcode == Opcode::Store;
             if stores
                 && translator.stage != Stage::Intersection
                 && !attributes.is_empty()
@@ -183,8 +181,9 @@ pub fn base_variable(module: &Module, mut pointer: Id) -> Option<Id> {
                     .get(block as usize)?
                     .instructions
                     .get(position as usize)?;
-                let through = [Opcode::AccessChain, Opcode::InBoundsAccessChain, Opcode::CopyObject];
-                through.iter().find(|opcode| **opcode as u16 == instruction.opcode)?;
+                let through =
+                    [Opcode::AccessChain, Opcode::InBoundsAccessChain, Opcode::CopyObject, Opcode::FreezeKHR];
+                through.iter().find(|opcode| **opcode == instruction.opcode)?;
                 pointer = Id(*module.operands(instruction).first()?);
             }
             _ => return None,

@@ -2,13 +2,13 @@
 //! of widths), extended arithmetic, bit fields, `OpAny`/`OpAll`, and the packing half of
 //! `GLSL.std.450`.
 
-use rspirv::spirv::{GlslStd450Op, Op as Opcode};
+use rspirv::spirv::GlslStd450Op;
 use smallvec::SmallVec;
 
 use crate::machine::Reg;
 use crate::math::array;
 use crate::module::ty::Type;
-use crate::module::{Id, Instruction};
+use crate::module::{Id, Instruction, Opcode};
 use crate::ops::arithmetic::{self, extended};
 use crate::ops::bit::{self, field};
 use crate::ops::conversion::encoded::{self, Rounding};
@@ -191,7 +191,7 @@ fn convert(translator: &mut Translator<'_>, conversion: Conversion, instruction:
     let gives_float = matches!(conversion, Conversion::SToF | Conversion::UToF | Conversion::F);
     let [source, target] = array::map([operand, ty], |ty| translator.float_format(ty));
     if source.is_some() != takes_float || target.is_some() != gives_float {
-        let name = crate::module::names::opcode_name(instruction.opcode);
+        let name = instruction.opcode;
         let [operand, ty] = [operand, ty].map(|ty| translator.module.describe_type(ty));
         return Err(translator.invalid(format!("{name} cannot convert {operand} to {ty} (SPIR-V 3.3.11)")));
     }

@@ -286,7 +286,7 @@ pub(crate) use lane_kernels;
 #[doc(hidden)]
 macro_rules! number {
     (Core, $name:ident) => {
-        rspirv::spirv::Op::$name as u32
+        $crate::module::Opcode::$name.0 as u32
     };
     (Glsl, $name:ident) => {
         rspirv::spirv::GlslStd450Op::$name as u32

@@ -2,13 +2,13 @@
 //! `GLSL.std.450` defines by a formula over whole vectors. Each follows its formula operation by
 //! operation, left to right, each rounded.
 
-use rspirv::spirv::{Capability, GlslStd450Op, Op as Opcode};
+use rspirv::spirv::{Capability, GlslStd450Op};
 use smallvec::SmallVec;
 
 use crate::machine::Reg;
 use crate::math::float_format::FloatFormat;
 use crate::module::ty::Type;
-use crate::module::{Id, Instruction};
+use crate::module::{Id, Instruction, Opcode};
 use crate::ops::arithmetic::{FAdd, FMul, FNegate, FSub};
 use crate::ops::conversion::encoded;
 use crate::ops::glsl::{InverseSqrt, Sqrt};
@@ -268,8 +268,7 @@ pub fn check_shape(
     {
         return Ok(());
     }
-    let (name, opcode) =
-        (translator.module.describe_type(ty), crate::module::names::opcode_name(instruction.opcode));
+    let (name, opcode) = (translator.module.describe_type(ty), instruction.opcode);
     Err(translator.invalid(format!("{opcode} computes {columns} columns of {rows}, not {name}")))
 }
 

@@ -104,6 +104,9 @@ pub enum MemoryOp {
     /// without an initializer, or of `OpUndef`. It does nothing by itself, and only programs that
     /// are not optimised have it.
     Undefine { first: Reg, count: u32 },
+    /// Says that registers are defined from here on: the result of `OpFreezeKHR`. It does nothing
+    /// by itself, and only programs that are not optimised have it.
+    Freeze { first: Reg, count: u32 },
     /// The number of elements of a runtime array at an offset of a buffer.
     ArrayLength { to: Reg, buffer: BufferRef, offset: u32, stride: u32 },
 }
@@ -165,7 +168,7 @@ impl MemoryOp {
                 visit(Access::Read(*from, chunk.count));
                 visit(Access::Effect);
             }
-            Self::Undefine { .. } => visit(Access::Effect),
+            Self::Undefine { .. } | Self::Freeze { .. } => visit(Access::Effect),
             Self::ArrayLength { to, buffer: which, .. } => {
                 which.accesses(visit);
                 visit(Access::Write(*to, 1));
@@ -350,7 +353,7 @@ impl MemoryOp {
                     |registers, lane, outside| outside.store(registers, lane, from, &chunk),
                 );
             }
-            Self::Undefine { .. } => {}
+            Self::Undefine { .. } | Self::Freeze { .. } => {}
             Self::ArrayLength { to, buffer, offset, stride } => {
                 for lane in batch.mask.lanes() {
                     match resolve_buffer(&batch.registers, lane, &batch.invocations, bindings, buffer) {

@@ -74,11 +74,8 @@ pub mod trace_operands;
 pub mod translate;
 pub mod value_registers;
 
-use rspirv::spirv::Op as Opcode;
-
 use crate::machine::Reg;
-use crate::module::names::opcode_name;
-use crate::module::{Id, Instruction};
+use crate::module::{Id, Instruction, Opcode};
 use crate::ops::conversion::Conversion;
 use crate::ops::integer_operand::ReadAs;
 use crate::ops::lane_kernel::{InstructionSet, OpFamily};
@@ -105,13 +102,13 @@ pub static SECTIONS: &[&[&OpFamily]] = &[
 #[inline]
 pub fn translate_checked(
     translator: &mut Translator<'_>,
-    number: u16,
+    opcode: Opcode,
     instruction: &Instruction,
 ) -> Result<()> {
-    if number == Opcode::Nop as u16 {
+    if opcode == Opcode::Nop {
         return Ok(());
     }
-    let done = translate_instruction(translator, number, instruction);
+    let done = translate_instruction(translator, opcode, instruction);
     let checked = done.and_then(|()| translator.check_result(instruction));
     checked.map_err(|error| unless_opaque(translator, instruction, error))
 }
@@ -127,7 +124,7 @@ fn unless_opaque(translator: &Translator<'_>, instruction: &Instruction, error: 
     let operands = module.operand_ids(instruction).into_iter().filter_map(|id| module.type_of(id));
     match result.into_iter().chain(operands).find(|&ty| module.is_opaque(ty)) {
         Some(ty) => {
-            let (name, ty) = (opcode_name(instruction.opcode), module.describe_type(ty));
+            let (name, ty) = (instruction.opcode, module.describe_type(ty));
             translator.unsupported(format!("{name} with a value of type {ty} is not supported"))
         }
         None => error,
@@ -138,19 +135,19 @@ fn unless_opaque(translator: &Translator<'_>, instruction: &Instruction, error: 
 ///
 /// # Errors
 /// `InvalidModule` where it breaks a rule, `UnsupportedModule` where this crate does not run it, or
-/// does not know its opcode, `number`.
+/// does not know its opcode.
 pub fn translate_instruction(
     translator: &mut Translator<'_>,
-    number: u16,
+    opcode: Opcode,
     instruction: &Instruction,
 ) -> Result<()> {
-    operand_types::check(translator, number, instruction)?;
-    if let Some(family) = lane_kernel::family(InstructionSet::Core, number.into()) {
+    operand_types::check(translator, opcode, instruction)?;
+    if let Some(family) = lane_kernel::family(InstructionSet::Core, opcode.0.into()) {
         return componentwise(translator, family, instruction, 0);
     }
-    let Some(opcode) = Opcode::from_u32(number.into()) else {
-        return Err(translator.unsupported(format!("opcode {number} is unknown")));
-    };
+    if !opcode.is_known() {
+        return Err(translator.unsupported(format!("{opcode} is unknown")));
+    }
     let done = composite::translate(translator, opcode, instruction)?
         || pointer::translate(translator, opcode, instruction)?
         || address::translate(translator, opcode, instruction)?
@@ -168,8 +165,7 @@ pub fn translate_instruction(
     if done {
         return Ok(());
     }
-    let name = opcode_name(instruction.opcode);
-    Err(translator.unsupported(format!("{name} is not supported")))
+    Err(translator.unsupported(format!("{opcode} is not supported")))
 }
 
 /// Applies a family's kernel to each component of the operands from `first` on.

@@ -1,11 +1,9 @@
 //! Pointers to ray queries and hit objects: each variable holds a handle, in one register.
 
-use rspirv::spirv::Op;
-
 use crate::machine::Reg;
 use crate::machine::object::ObjectRef;
 use crate::module::ty::{Type, TypeId};
-use crate::module::{Definition, Id, Instruction, Module};
+use crate::module::{Definition, Id, Instruction, Module, Opcode};
 use crate::ops::builtin::{self, ValueShape};
 use crate::ops::pointer::{PointerBase, storage};
 use crate::ops::translate::Translator;
@@ -72,9 +70,9 @@ fn is_chosen(module: &Module, mut id: Id) -> bool {
     while let Some(Definition::Result(function, block, at)) = module.definition(id) {
         let block = &module.functions[function as usize].blocks[block as usize];
         let instruction = &block.instructions[at as usize];
-        match Op::from_u32(instruction.opcode.into()) {
-            Some(Op::Phi | Op::Select) => return true,
-            Some(Op::AccessChain | Op::InBoundsAccessChain) => match module.operands(instruction).first() {
+        match instruction.opcode {
+            Opcode::Phi | Opcode::Select => return true,
+            Opcode::AccessChain | Opcode::InBoundsAccessChain => match module.operands(instruction).first() {
                 Some(&base) => id = Id(base),
                 None => return false,
             },
@@ -120,7 +118,7 @@ pub fn define_result(
 ) -> Result<Reg> {
     let ty = translator.result_type(instruction)?;
     if !builtin::matches(translator, shape, ty) {
-        let name = crate::module::names::opcode_name(instruction.opcode);
+        let name = instruction.opcode.to_string();
         let found = translator.module.describe_type(ty);
         // The validator lets the lengths of arrays pass, and knows fewer of these instructions.
         let rule = if name.starts_with("OpRayQuery") {

@@ -10,9 +10,9 @@ mod rules;
 
 use std::borrow::Cow;
 
-use crate::module::names::{ext_inst_name, extensions_of, opcode_name};
+use crate::module::names::{ext_inst_name, extensions_of};
 use crate::module::ty::{Type, TypeId};
-use crate::module::{Definition, Id, Instruction, Module};
+use crate::module::{Definition, Id, Instruction, Module, Opcode};
 use crate::ops::translate::Translator;
 use anyhit_base::error::Result;
 
@@ -101,11 +101,10 @@ struct Numeric {
 ///
 /// # Errors
 /// `InvalidModule`
-pub fn check(translator: &Translator<'_>, number: u16, instruction: &Instruction) -> Result<()> {
-    const EXT_INST: u16 = rspirv::spirv::Op::ExtInst as u16;
+pub fn check(translator: &Translator<'_>, opcode: Opcode, instruction: &Instruction) -> Result<()> {
     let operands = translator.operands(instruction);
-    let (rule, operands, name) = match (number, operands) {
-        (EXT_INST, &[set, number, ref operands @ ..]) => {
+    let (rule, operands, name) = match (opcode, operands) {
+        (Opcode::ExtInst, &[set, number, ref operands @ ..]) => {
             let Some(Definition::InstructionSet(at)) = translator.module.definition(Id(set)) else {
                 return Ok(());
             };
@@ -124,8 +123,8 @@ pub fn check(translator: &Translator<'_>, number: u16, instruction: &Instruction
             (rule, operands, name)
         }
         _ => {
-            let Some(rule) = core(number).or_else(|| ray(number)) else { return Ok(()) };
-            (rule, operands, InstructionName::Opcode(number))
+            let Some(rule) = core(opcode).or_else(|| ray(opcode)) else { return Ok(()) };
+            (rule, operands, InstructionName::Opcode(opcode))
         }
     };
     let mut checker = PositionChecker { translator, name, types: [None; MAX_POSITIONS], count: 0 };
@@ -162,14 +161,14 @@ fn section_of(name: &str) -> String {
 /// The name of an instruction, which only errors need.
 #[derive(Clone, Copy)]
 enum InstructionName<'m> {
-    Opcode(u16),
+    Opcode(Opcode),
     Extended { set: &'m str, number: u32 },
 }
 
 impl InstructionName<'_> {
     fn text(self) -> Cow<'static, str> {
         match self {
-            Self::Opcode(number) => opcode_name(number),
+            Self::Opcode(opcode) => opcode.to_string().into(),
             Self::Extended { set, number } => ext_inst_name(set, number),
         }
     }

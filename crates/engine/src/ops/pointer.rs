@@ -6,7 +6,7 @@ use crate::machine::resource::{ELEMENT_BITS, MAX_SLOTS};
 use crate::machine::{Binding, Bindings, REGISTER_POINTER, Reg};
 use crate::module::decoration::number;
 use crate::module::ty::{MatrixLayout, Type, TypeId};
-use crate::module::{Id, Instruction};
+use crate::module::{Id, Instruction, Opcode};
 use crate::ops::image::texel_ref::TexelRef;
 use crate::ops::integer_operand::ReadAs;
 use crate::ops::load_store::{load, load_aligned, store, store_aligned};
@@ -128,13 +128,13 @@ impl Pointer {
 }
 
 /// Opcodes translated here.
-pub const OPCODES: &[rspirv::spirv::Op] = &[
-    rspirv::spirv::Op::Load,
-    rspirv::spirv::Op::Store,
-    rspirv::spirv::Op::CopyMemory,
-    rspirv::spirv::Op::AccessChain,
-    rspirv::spirv::Op::InBoundsAccessChain,
-    rspirv::spirv::Op::ArrayLength,
+pub const OPCODES: &[Opcode] = &[
+    Opcode::Load,
+    Opcode::Store,
+    Opcode::CopyMemory,
+    Opcode::AccessChain,
+    Opcode::InBoundsAccessChain,
+    Opcode::ArrayLength,
 ];
 
 /// Storage classes whose variables have a base.
@@ -574,12 +574,7 @@ fn alignment(translator: &Translator<'_>, instruction: &Instruction, at: usize) 
 }
 
 /// Translates the memory instructions; `false` for an instruction of another section.
-pub fn translate(
-    translator: &mut Translator<'_>,
-    opcode: rspirv::spirv::Op,
-    instruction: &Instruction,
-) -> Result<bool> {
-    use rspirv::spirv::Op as Opcode;
+pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
     match opcode {
         Opcode::Load => {
             let id = translator.id(instruction, 0)?;

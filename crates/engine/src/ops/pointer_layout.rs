@@ -8,7 +8,7 @@ use rustc_hash::FxHashSet;
 use smallvec::SmallVec;
 
 use crate::module::ty::{MatrixLayout, Type, TypeId};
-use crate::module::{Definition, Id, Module};
+use crate::module::{Definition, Id, Module, Opcode};
 use crate::ops::pointer::{PointeeLayout, Pointer, PointerBase};
 use crate::ops::translate::{IdValue, Translator};
 use anyhit_base::error::Result;
@@ -120,8 +120,8 @@ impl LayoutSearch<'_, '_> {
             _ => return Some(PointeeLayout::default()),
         };
         match opcode {
-            opcode::UNDEF => None,
-            opcode::FUNCTION_CALL => {
+            Opcode::Undef | Opcode::PoisonKHR => None,
+            Opcode::FunctionCall => {
                 let Some(Definition::Function(index)) = module.definition(Id(operands[0])) else {
                     return None;
                 };
@@ -129,10 +129,10 @@ impl LayoutSearch<'_, '_> {
                 self.worklist.extend(returns.map(|value| (value, selection)));
                 None
             }
-            opcode::ACCESS_CHAIN | opcode::IN_BOUNDS_ACCESS_CHAIN => {
+            Opcode::AccessChain | Opcode::InBoundsAccessChain => {
                 self.chain(Id(operands[0]), &operands[1..], selection)
             }
-            opcode::PTR_ACCESS_CHAIN | opcode::IN_BOUNDS_PTR_ACCESS_CHAIN => {
+            Opcode::PtrAccessChain | Opcode::InBoundsPtrAccessChain => {
                 self.chain(Id(operands[0]), operands.get(2..).unwrap_or_default(), selection)
             }
             _ => match sources(opcode, operands) {
@@ -193,11 +193,11 @@ impl LayoutSearch<'_, '_> {
 }
 
 /// The pointers that a phi, a select or a copy gives one of; `None` for another instruction.
-pub(super) fn sources(opcode: u16, operands: &[u32]) -> Option<impl Iterator<Item = Id>> {
+pub(super) fn sources(opcode: Opcode, operands: &[u32]) -> Option<impl Iterator<Item = Id>> {
     let (first, step, end) = match opcode {
-        opcode::PHI => (0, 2, operands.len()),
-        opcode::SELECT => (1, 1, operands.len()),
-        opcode::COPY_OBJECT => (0, 1, 1),
+        Opcode::Phi => (0, 2, operands.len()),
+        Opcode::Select => (1, 1, operands.len()),
+        Opcode::CopyObject | Opcode::FreezeKHR => (0, 1, 1),
         _ => return None,
     };
     let sources = operands.get(first..end).unwrap_or_default();
@@ -208,20 +208,6 @@ pub(super) fn sources(opcode: u16, operands: &[u32]) -> Option<impl Iterator<Ite
 pub(super) fn returned(module: &Module, function: u32) -> impl Iterator<Item = Id> {
     let blocks = module.functions[function as usize].blocks.iter();
     let last = blocks.filter_map(|block| block.instructions.last());
-    let returns = last.filter(|one| one.opcode == opcode::RETURN_VALUE);
+    let returns = last.filter(|one| one.opcode == Opcode::ReturnValue);
     returns.map(|one| Id(module.operands(one)[0]))
-}
-
-/// Opcodes that compute pointers from pointers.
-pub(super) mod opcode {
-    pub(crate) const UNDEF: u16 = 1;
-    pub(crate) const FUNCTION_CALL: u16 = 57;
-    pub(crate) const ACCESS_CHAIN: u16 = 65;
-    pub(crate) const IN_BOUNDS_ACCESS_CHAIN: u16 = 66;
-    pub(crate) const PTR_ACCESS_CHAIN: u16 = 67;
-    pub(crate) const IN_BOUNDS_PTR_ACCESS_CHAIN: u16 = 70;
-    pub(crate) const COPY_OBJECT: u16 = 83;
-    pub(crate) const SELECT: u16 = 169;
-    pub(crate) const PHI: u16 = 245;
-    pub(crate) const RETURN_VALUE: u16 = 254;
 }

@@ -8,8 +8,8 @@ use rustc_hash::FxHashSet;
 use smallvec::SmallVec;
 
 use crate::module::ty::{Type, TypeId};
-use crate::module::{Definition, Id, Module};
-use crate::ops::pointer_layout::{opcode, returned, sources};
+use crate::module::{Definition, Id, Module, Opcode};
+use crate::ops::pointer_layout::{returned, sources};
 use crate::ops::translate::Translator;
 
 /// The stride of the array that pointers point into, as far as it is known.
@@ -122,21 +122,21 @@ impl StrideSearch<'_, '_> {
         }
     }
 
-    fn visit_result(&mut self, opcode: u16, operands: &[u32]) {
+    fn visit_result(&mut self, opcode: Opcode, operands: &[u32]) {
         let module = self.translator.module;
         match opcode {
-            opcode::FUNCTION_CALL => {
+            Opcode::FunctionCall => {
                 let Some(Definition::Function(index)) = module.definition(Id(operands[0])) else { return };
                 self.steps += module.functions[index as usize].blocks.len();
                 self.worklist.extend(returned(module, index));
             }
-            opcode::ACCESS_CHAIN | opcode::IN_BOUNDS_ACCESS_CHAIN => {
+            Opcode::AccessChain | Opcode::InBoundsAccessChain => {
                 self.visit_chain(operands[0], &operands[1..]);
             }
-            opcode::PTR_ACCESS_CHAIN | opcode::IN_BOUNDS_PTR_ACCESS_CHAIN => {
+            Opcode::PtrAccessChain | Opcode::InBoundsPtrAccessChain => {
                 self.visit_chain(operands[0], operands.get(2..).unwrap_or_default());
             }
-            opcode::UNDEF => {}
+            Opcode::Undef | Opcode::PoisonKHR => {}
             _ => match sources(opcode, operands) {
                 Some(sources) => self.worklist.extend(sources),
                 None => self.complete = false,

@@ -6,7 +6,7 @@
 //! triangles in `OpRayQueryGetIntersectionTypeKHR`; their barycentrics, which no specification
 //! defines, are (u, 0), u being 0 for a sphere, and they are never front facing.
 
-use rspirv::spirv::Op as Opcode;
+use crate::module::Opcode;
 use smallvec::SmallVec;
 
 use crate::accel::{RayFlags, TraceRay};

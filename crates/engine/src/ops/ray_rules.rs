@@ -1,6 +1,6 @@
 //! The rules for rays, by the instruction that breaks one (Vulkan, "Runtime SPIR-V Validation").
 
-use rspirv::spirv::Op as Opcode;
+use crate::module::Opcode;
 
 use crate::accel::RayRule;
 
@@ -47,7 +47,7 @@ const RULES: &[InstructionRules] = &[
 
 /// What a ray did wrong and, where the specification has numbered it for this instruction, the
 /// rule.
-pub fn describe(opcode: u16, broken: RayRule) -> String {
+pub fn describe(opcode: Opcode, broken: RayRule) -> String {
     match vuid(opcode, broken) {
         None => broken.describe().to_owned(),
         Some(vuid) => format!("{} ({vuid})", broken.describe()),
@@ -56,12 +56,12 @@ pub fn describe(opcode: u16, broken: RayRule) -> String {
 
 /// What a ray that the host traces did wrong, as of `OpTraceRayKHR`.
 pub fn describe_of_trace(broken: RayRule) -> String {
-    describe(Opcode::TraceRayKHR as u16, broken)
+    describe(Opcode::TraceRayKHR, broken)
 }
 
 /// The rule, where the specification has numbered it for this instruction.
-pub fn vuid(opcode: u16, broken: RayRule) -> Option<String> {
-    let rules = RULES.iter().find(|rules| rules.opcodes.iter().any(|&known| known as u16 == opcode))?;
+pub fn vuid(opcode: Opcode, broken: RayRule) -> Option<String> {
+    let rules = RULES.iter().find(|rules| rules.opcodes.iter().any(|&known| known == opcode))?;
     let number = Some(rules.numbers[broken as usize]).filter(|&number| number > 0)?;
     Some(format!("VUID-RuntimeSpirv-{}-{number:05}", rules.name))
 }
@@ -72,7 +72,7 @@ mod tests {
 
     #[test]
     fn each_instruction_has_its_own_number() {
-        let text = |opcode, broken| describe(opcode as u16, broken);
+        let text = |opcode, broken| describe(opcode, broken);
         assert!(
             text(Opcode::TraceRayKHR, RayRule::Finite).ends_with("(VUID-RuntimeSpirv-OpTraceRayKHR-06355)")
         );

@@ -1,6 +1,6 @@
 //! Ray-tracing instructions (`SPV_KHR_ray_tracing`) that hand the batch to the pipeline.
 
-use rspirv::spirv::Op as Opcode;
+use crate::module::Opcode;
 
 use crate::machine::object::ObjectRef;
 use crate::machine::stop::RegSpan;
@@ -159,8 +159,8 @@ pub struct MotionInstruction {
 
 impl MotionInstruction {
     /// The instruction of an opcode, if it is one.
-    pub fn of(opcode: u16) -> Option<Self> {
-        let (name, rule) = match Opcode::from_u32(opcode.into())? {
+    pub fn of(opcode: Opcode) -> Option<Self> {
+        let (name, rule) = match opcode {
             Opcode::TraceRayMotionNV => {
                 ("OpTraceRayMotionNV", Some("VUID-RuntimeSpirv-OpTraceRayMotionNV-06367"))
             }

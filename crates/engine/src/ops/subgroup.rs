@@ -7,7 +7,7 @@
 //! specification leaves undefined (reading an inactive invocation) gives 0; sums go
 //! from the lowest invocation to the highest, each step rounded.
 
-use rspirv::spirv::Op as Opcode;
+use crate::module::Opcode;
 use smallvec::SmallVec;
 
 use crate::machine::{Batch, Reg, Registers};

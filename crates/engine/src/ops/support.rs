@@ -9,11 +9,11 @@ mod lists;
 pub mod table;
 
 use rspirv::grammar::INSTRUCTION_TABLE;
-use rspirv::spirv::{self, Capability, GlslStd450Op, Op as Opcode};
+use rspirv::spirv::{self, Capability, GlslStd450Op};
 
 use crate::module::interface::EntryPoint;
-use crate::module::names::{builtin_name, ext_inst_name, opcode_name, storage_class_name};
-use crate::module::{Definition, Id, Instruction, Module};
+use crate::module::names::{builtin_name, ext_inst_name, storage_class_name};
+use crate::module::{Definition, Id, Instruction, Module, Opcode};
 use crate::ops::lane_kernel::{InstructionSet, family};
 use crate::ops::{
     address, amd, atomic, barrier, builtin, composite, derivative, dot_product, hit_object, image, irregular,
@@ -55,8 +55,7 @@ impl Support {
 }
 
 /// The class of an opcode; `None` where neither the instruction set nor a list knows it.
-pub fn opcode(number: u16) -> Option<Support> {
-    let op = Opcode::from_u32(number.into())?;
+pub fn opcode(op: Opcode) -> Option<Support> {
     if let Some(group) = section_of(op) {
         return Some(Support::Supported(group));
     }
@@ -66,7 +65,7 @@ pub fn opcode(number: u16) -> Option<Support> {
     if let Some(group) = lists::group_of(lists::OUT_OF_SCOPE_OPCODES, op) {
         return Some(Support::OutOfScope(group));
     }
-    let entry = INSTRUCTION_TABLE.iter().find(|entry| entry.opcode == op)?;
+    let entry = INSTRUCTION_TABLE.iter().find(|entry| op == entry.opcode.into())?;
     by_capabilities(entry.capabilities)
 }
 
@@ -179,7 +178,7 @@ pub fn gaps(module: &Module, entry: &EntryPoint) -> Vec<Gap> {
             match extended(module, instruction) {
                 Some((name, support)) => add(name, support, instruction.offset),
                 None => {
-                    let name = opcode_name(instruction.opcode).into_owned();
+                    let name = instruction.opcode.to_string();
                     add(name, opcode(instruction.opcode), instruction.offset);
                 }
             }
@@ -202,7 +201,7 @@ pub fn gaps(module: &Module, entry: &EntryPoint) -> Vec<Gap> {
 
 /// Name and class of an extended instruction; `None` for any other.
 fn extended(module: &Module, instruction: &Instruction) -> Option<(String, Option<Support>)> {
-    if instruction.opcode != Opcode::ExtInst as u16 {
+    if instruction.opcode != Opcode::ExtInst {
         return None;
     }
     let &[set, number, ..] = module.operands(instruction) else { return None };
@@ -215,7 +214,10 @@ fn extended(module: &Module, instruction: &Instruction) -> Option<(String, Optio
 /// The section whose kernels or list hold an opcode.
 fn section_of(op: Opcode) -> Option<&'static str> {
     for (group, families) in lists::SECTIONS {
-        if families.iter().any(|family| family.set == InstructionSet::Core && family.number == op as u32) {
+        if families
+            .iter()
+            .any(|family| family.set == InstructionSet::Core && family.number == u32::from(op.0))
+        {
             return Some(group);
         }
     }
@@ -267,8 +269,8 @@ mod tests {
     /// Whether the sections' translators refuse an opcode as one that none of them knows.
     ///
     /// The operands are ids that nothing defines, so that every other outcome is another error.
-    fn is_refused(number: u16) -> bool {
-        if number == Opcode::Nop as u16 {
+    fn is_refused(number: Opcode) -> bool {
+        if number == Opcode::Nop {
             return false;
         }
         let mut a = Assembler::new();
@@ -284,7 +286,7 @@ mod tests {
             operands: start..start + 16,
         };
         let mut translator = Translator::new(&module, Stage::ClosestHit);
-        let name = opcode_name(number);
+        let name = number;
         match translate_instruction(&mut translator, number, &instruction) {
             Ok(()) => false,
             Err(error) => {
@@ -298,17 +300,16 @@ mod tests {
     fn the_translators_know_what_is_called_supported_and_nothing_else() {
         let mut counts = [0; 2];
         let mut wrong = Vec::new();
-        for entry in INSTRUCTION_TABLE.iter() {
-            let number = entry.opcode as u16;
+        for op in Opcode::all() {
             // Instructions that need implicit derivatives are rejected by the rule that they break.
-            if lists::group_of(lists::READ_BY_MODULE_AND_PROGRAM, entry.opcode).is_some()
-                || image::IMPLICIT.contains(&entry.opcode)
+            if lists::group_of(lists::READ_BY_MODULE_AND_PROGRAM, op).is_some()
+                || image::IMPLICIT.contains(&op)
             {
                 continue;
             }
-            let supported = opcode(number).is_some_and(Support::is_supported);
-            if supported == is_refused(number) {
-                wrong.push(format!("Op{}: called supported: {supported}", entry.opname));
+            let supported = opcode(op).is_some_and(Support::is_supported);
+            if supported == is_refused(op) {
+                wrong.push(format!("{op}: called supported: {supported}"));
             }
             counts[usize::from(supported)] += 1;
         }
@@ -319,17 +320,17 @@ mod tests {
     #[test]
     fn nothing_is_classed_twice() {
         let mut twice = Vec::new();
-        for entry in INSTRUCTION_TABLE.iter() {
+        for op in Opcode::all() {
             let by_list = [
-                section_of(entry.opcode),
-                lists::group_of(lists::UNSUPPORTED_OPCODES, entry.opcode),
-                lists::group_of(lists::OUT_OF_SCOPE_OPCODES, entry.opcode),
+                section_of(op),
+                lists::group_of(lists::UNSUPPORTED_OPCODES, op),
+                lists::group_of(lists::OUT_OF_SCOPE_OPCODES, op),
             ];
             if by_list.iter().flatten().count() > 1 {
-                twice.push(entry.opname);
+                twice.push(op);
             }
         }
-        assert_eq!(twice, [""; 0]);
+        assert_eq!(twice, []);
         for number in 0..u32::from(u16::MAX) {
             let Some(known) = spirv::BuiltIn::from_u32(number) else { continue };
             let by_list = [

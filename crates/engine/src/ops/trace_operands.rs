@@ -1,8 +1,6 @@
 //! Offset, stride and miss index of the rays that a module traces, where they are constants.
 
-use rspirv::spirv::Op as Opcode;
-
-use crate::module::{Definition, Id, Instruction, Module};
+use crate::module::{Definition, Id, Instruction, Module, Opcode};
 use anyhit_base::sorted::SortedSet;
 
 /// How many values are followed one after the other to constants.
@@ -24,7 +22,7 @@ impl TraceOperands {
     /// Every instruction of a module that traces a ray.
     pub fn all(module: &Module) -> impl Iterator<Item = Self> + '_ {
         instructions(module).filter_map(move |(_, instruction)| {
-            let first = match Opcode::from_u32(instruction.opcode.into())? {
+            let first = match instruction.opcode {
                 Opcode::TraceRayKHR | Opcode::TraceRayMotionNV | Opcode::TraceNV | Opcode::TraceMotionNV => 3,
                 // Behind the hit object.
                 Opcode::HitObjectTraceRayEXT
@@ -76,8 +74,8 @@ fn values(module: &Module, id: Id, depth: u32) -> Option<SortedSet<u64>> {
                 &module.functions[function as usize].blocks[block as usize].instructions[at as usize];
             let operands = module.operands(instruction);
             let operand = |at: usize| values(module, Id(*operands.get(at)?), depth);
-            match Opcode::from_u32(instruction.opcode.into())? {
-                Opcode::CopyObject | Opcode::Bitcast | Opcode::UConvert => operand(0),
+            match instruction.opcode {
+                Opcode::CopyObject | Opcode::FreezeKHR | Opcode::Bitcast | Opcode::UConvert => operand(0),
                 Opcode::Select => merge([operand(1), operand(2)].into_iter()),
                 Opcode::Load => stored(module, function, Id(*operands.first()?), depth),
                 _ => None,
@@ -98,7 +96,7 @@ fn stored(module: &Module, function: u32, pointer: Id, depth: u32) -> Option<Sor
     for (_, instruction) in instructions(module).filter(|(at, _)| *at == function) {
         let operands = module.operands(instruction);
         let names_it = operands.contains(&pointer.0);
-        match Opcode::from_u32(instruction.opcode.into())? {
+        match instruction.opcode {
             Opcode::Store if operands.first() == Some(&pointer.0) => {
                 found.push(values(module, Id(*operands.get(1)?), depth));
             }
@@ -132,8 +130,7 @@ fn stored(module: &Module, function: u32, pointer: Id, depth: u32) -> Option<Sor
 fn is_written(module: &Module, function: u32, pointer: Id) -> bool {
     let mut others = instructions(module).filter(|(at, _)| *at == function);
     others.any(|(_, instruction)| {
-        Opcode::from_u32(instruction.opcode.into()) != Some(Opcode::Load)
-            && module.operands(instruction).contains(&pointer.0)
+        instruction.opcode != Opcode::Load && module.operands(instruction).contains(&pointer.0)
     })
 }
 
@@ -142,7 +139,7 @@ fn arguments(module: &Module, function: u32, parameter: u32) -> impl Iterator<It
     let callee = module.functions[function as usize].id;
     instructions(module).filter_map(move |(caller, instruction)| {
         let operands = module.operands(instruction);
-        let is_call = Opcode::from_u32(instruction.opcode.into()) == Some(Opcode::FunctionCall);
+        let is_call = instruction.opcode == Opcode::FunctionCall;
         let is_call = is_call && operands.first() == Some(&callee.0);
         is_call.then(|| Some((caller, Id(*operands.get(parameter as usize + 1)?))))?
     })

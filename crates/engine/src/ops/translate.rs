@@ -21,7 +21,7 @@ use crate::machine::{Binding, OpIndex, Reg, Registers};
 use crate::math::array;
 use crate::module::interface::Stage;
 use crate::module::ty::{Type, TypeId};
-use crate::module::{Definition, Id, Instruction, Module};
+use crate::module::{Definition, Id, Instruction, Module, Opcode};
 use crate::ops::builtin::Builtin;
 use crate::ops::float_controls::{self, FloatControls};
 use crate::ops::lane_kernel::{LaneKernel, OpFamily};
@@ -459,12 +459,12 @@ impl<'m> Translator<'m> {
 
     /// The operands of every call of a function in the module, itself the first of them.
     pub(super) fn calls(&self, function: Id) -> &[&'m [u32]] {
-        const FUNCTION_CALL: u16 = 57;
         let module = self.module;
         let calls = self.calls.get_or_init(|| {
             let mut calls: FxHashMap<Id, Vec<&'m [u32]>> = FxHashMap::default();
             for call in module.instructions() {
-                if let (FUNCTION_CALL, operands @ [callee, ..]) = (call.opcode, module.operands(call)) {
+                if let (Opcode::FunctionCall, operands @ [callee, ..]) = (call.opcode, module.operands(call))
+                {
                     calls.entry(Id(*callee)).or_default().push(operands);
                 }
             }
@@ -571,7 +571,7 @@ impl<'m> Translator<'m> {
             return Ok(());
         }
         let name = self.module.describe_type(ty);
-        let opcode = crate::module::names::opcode_name(instruction.opcode);
+        let opcode = instruction.opcode;
         Err(self.invalid(format!("the operands of {opcode} do not match its result type {name}")))
     }
 

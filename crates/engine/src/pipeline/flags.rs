@@ -2,6 +2,7 @@
 
 use crate::accel::{GeometryKind, Tlas};
 use crate::machine::OpIndex;
+use crate::module::Opcode;
 use crate::ops::ray_tracing::MotionInstruction;
 use crate::pipeline::Pipeline;
 use crate::pipeline::group::{Group, HitGroup};
@@ -160,5 +161,5 @@ fn trace_ops(program: &Program) -> impl Iterator<Item = OpIndex> {
 /// The instruction of an operation, if one of its operands is a time.
 fn timed(program: &Program, op: OpIndex) -> Option<MotionInstruction> {
     let offset = program.origins.get(op.index())?.offset;
-    MotionInstruction::of(program.module.words.get(offset as usize).map(|word| *word as u16)?)
+    MotionInstruction::of(Opcode::of_word(*program.module.words.get(offset as usize)?))
 }

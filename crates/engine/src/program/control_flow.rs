@@ -5,12 +5,7 @@ use std::collections::BinaryHeap;
 
 use rustc_hash::FxHashSet;
 
-use crate::module::{Definition, Function, Id, Module};
-
-/// Opcodes of control flow.
-const LOOP_MERGE: u16 = 246;
-const SELECTION_MERGE: u16 = 247;
-const PHI: u16 = 245;
+use crate::module::{Definition, Function, Id, Module, Opcode};
 
 /// The blocks of a function that can be reached, in structured order: a merge block comes after
 /// everything that it merges, a continue target after the loop's body, a loop's merge block after
@@ -58,8 +53,8 @@ fn push_successors(module: &Module, function: &Function, block: usize, next: &mu
     }
     if let Some(merge) = instructions.iter().rev().nth(1) {
         let labels = match merge.opcode {
-            LOOP_MERGE => 2,
-            SELECTION_MERGE => 1,
+            Opcode::LoopMerge => 2,
+            Opcode::SelectionMerge => 1,
             _ => 0,
         };
         module.operands(merge).iter().take(labels).rev().for_each(|&id| push(Id(id)));
@@ -95,7 +90,7 @@ pub fn escaping_values(module: &Module, function: &Function, order: &[usize]) ->
             open.pop();
         }
         let merge = function.blocks[block].instructions.iter().rev().nth(1);
-        if let Some(merge) = merge.filter(|merge| merge.opcode == LOOP_MERGE) {
+        if let Some(merge) = merge.filter(|merge| merge.opcode == Opcode::LoopMerge) {
             let end = module.operands(merge).first().and_then(|&id| position_of(Id(id)));
             // If the merge block is unreachable, the loop ends with the function.
             let end = end.filter(|&end| end > position && end != usize::MAX).unwrap_or(order.len());
@@ -116,7 +111,7 @@ pub fn escaping_values(module: &Module, function: &Function, order: &[usize]) ->
         for instruction in &function.blocks[block].instructions {
             // A quick check that takes all operand words for ids.
             let may = |&word: &u32| escapes(Id(word), position);
-            if instruction.opcode != PHI && module.operands(instruction).iter().any(may) {
+            if instruction.opcode != Opcode::Phi && module.operands(instruction).iter().any(may) {
                 let ids = module.operand_ids(instruction).into_iter();
                 escaping.extend(ids.filter(|&id| escapes(id, position)));
             }
@@ -129,7 +124,7 @@ pub fn escaping_values(module: &Module, function: &Function, order: &[usize]) ->
     };
     for &block in order {
         let phis = function.blocks[block].instructions.iter();
-        for phi in phis.take_while(|instruction| instruction.opcode == PHI) {
+        for phi in phis.take_while(|instruction| instruction.opcode == Opcode::Phi) {
             // A phi reads at the end of the parent block. If that has a back edge, too, lanes that
             // leave wait on their edge while others run further iterations: the phi then reads
             // after the loop.

@@ -19,7 +19,7 @@ use crate::machine::{BlockIndex, Exit, OpIndex, Reg};
 use crate::module::constant::ConstantValue;
 use crate::module::interface::{EntryPoint, InterfaceVariable, Stage};
 use crate::module::ty::{Type, TypeId};
-use crate::module::{Definition, Function, Id, Instruction, Module};
+use crate::module::{Definition, Function, Id, Instruction, Module, Opcode};
 use crate::ops::float_controls::FloatControls;
 use crate::ops::op::Op;
 use crate::ops::pointer::{Pointer, PointerBase, storage};
@@ -406,20 +406,20 @@ impl<'m> Lowering<'m> {
     /// Executes the operations of the constants that an instruction uses, and of those that the
     /// phis of the only successor of its block take.
     fn execute_constants(&mut self, instruction: &Instruction, site: &Site<'_>) -> Result<()> {
-        if instruction.opcode == opcode::PHI {
+        if instruction.opcode == Opcode::Phi {
             return Ok(());
         }
         let module = self.module;
         for id in module.operand_ids(instruction) {
             constant::execute(&mut self.translator, id)?;
         }
-        if instruction.opcode != opcode::BRANCH {
+        if instruction.opcode != Opcode::Branch {
             return Ok(());
         }
         let target = module.operands(instruction).first().copied();
         let target = site.function.blocks.iter().find(|block| Some(block.label.0) == target);
         let phis = target.into_iter().flat_map(|block| &block.instructions);
-        for phi in phis.take_while(|instruction| instruction.opcode == opcode::PHI) {
+        for phi in phis.take_while(|instruction| instruction.opcode == Opcode::Phi) {
             for incoming in module.operands(phi).chunks_exact(2).filter(|pair| pair[1] == site.block.0) {
                 constant::execute(&mut self.translator, Id(incoming[0]))?;
             }
@@ -443,7 +443,7 @@ impl<'m> Lowering<'m> {
         for &block in &order {
             // Gives phis their registers, which the edges to their block write.
             let instructions = function.blocks[block].instructions.iter();
-            for phi in instructions.take_while(|instruction| instruction.opcode == opcode::PHI) {
+            for phi in instructions.take_while(|instruction| instruction.opcode == Opcode::Phi) {
                 self.translator.origin.offset = phi.offset;
                 let ty = self.translator.result_type(phi)?;
                 let count = self.translator.word_count(ty)?;
@@ -471,7 +471,7 @@ impl<'m> Lowering<'m> {
                 self.instruction(instruction, &site)?;
                 // Phis need no copy: edges write their registers for the running lanes only.
                 let kept = instruction.result.filter(|id| escaping.contains(id));
-                if let Some(id) = kept.filter(|_| instruction.opcode != opcode::PHI) {
+                if let Some(id) = kept.filter(|_| instruction.opcode != Opcode::Phi) {
                     self.copy_masked(id)?;
                 }
                 self.close_step(instruction, before);
@@ -527,15 +527,21 @@ impl<'m> Lowering<'m> {
             self.execute_constants(instruction, site)?;
         }
         match instruction.opcode {
-            opcode::PHI | opcode::LOOP_MERGE | opcode::SELECTION_MERGE => Ok(()),
-            opcode::VARIABLE => self.variable(instruction),
-            opcode::FUNCTION_CALL => self.call(instruction),
-            opcode::BRANCH..=opcode::UNREACHABLE
-            | opcode::TERMINATE_INVOCATION
-            | opcode::IGNORE_INTERSECTION
-            | opcode::TERMINATE_RAY => self.terminator(instruction, site),
-            opcode::IGNORE_INTERSECTION_NV => self.exit(Exit::Ignored),
-            opcode::TERMINATE_RAY_NV => self.exit(Exit::Terminated),
+            Opcode::Phi | Opcode::LoopMerge | Opcode::SelectionMerge => Ok(()),
+            Opcode::Variable => self.variable(instruction),
+            Opcode::FunctionCall => self.call(instruction),
+            Opcode::Branch
+            | Opcode::BranchConditional
+            | Opcode::Switch
+            | Opcode::Kill
+            | Opcode::Return
+            | Opcode::ReturnValue
+            | Opcode::Unreachable
+            | Opcode::TerminateInvocation
+            | Opcode::IgnoreIntersectionKHR
+            | Opcode::TerminateRayKHR => self.terminator(instruction, site),
+            Opcode::IgnoreIntersectionNV => self.exit(Exit::Ignored),
+            Opcode::TerminateRayNV => self.exit(Exit::Terminated),
             number => translate_checked(&mut self.translator, number, instruction),
         }?;
         self.translator.check_operations()
@@ -705,25 +711,4 @@ struct Site<'a> {
     /// By block index in the function: its label, if the block is reachable.
     labels: &'a [Option<Label>],
     return_target: &'a ReturnTarget,
-}
-
-/// Opcodes of control flow.
-mod opcode {
-    pub(super) const FUNCTION_CALL: u16 = 57;
-    pub(super) const VARIABLE: u16 = 59;
-    pub(super) const PHI: u16 = 245;
-    pub(super) const LOOP_MERGE: u16 = 246;
-    pub(super) const SELECTION_MERGE: u16 = 247;
-    pub(super) const BRANCH: u16 = 249;
-    pub(super) const BRANCH_CONDITIONAL: u16 = 250;
-    pub(super) const SWITCH: u16 = 251;
-    pub(super) const KILL: u16 = 252;
-    pub(super) const RETURN: u16 = 253;
-    pub(super) const RETURN_VALUE: u16 = 254;
-    pub(super) const UNREACHABLE: u16 = 255;
-    pub(super) const IGNORE_INTERSECTION_NV: u16 = 5335;
-    pub(super) const TERMINATE_RAY_NV: u16 = 5336;
-    pub(super) const TERMINATE_INVOCATION: u16 = 4416;
-    pub(super) const IGNORE_INTERSECTION: u16 = 4448;
-    pub(super) const TERMINATE_RAY: u16 = 4449;
 }

@@ -39,7 +39,7 @@ use crate::machine::{
 use crate::math::array;
 use crate::module::interface::{EntryPoint, Stage};
 use crate::module::ty::Type;
-use crate::module::{Id, Module};
+use crate::module::{Id, Module, Opcode};
 use crate::ops::memory::BufferRef;
 use crate::ops::op::Op;
 use crate::ops::translate::{IdValues, InputRegisters, InterfaceRegisters, Origin, Slot, WorkgroupVariable};
@@ -445,9 +445,9 @@ impl Program {
     ) -> Option<String> {
         if let TrapCode::InvalidTrace | TrapCode::InvalidRayQuery | TrapCode::InvalidHitObject = trap.code {
             // The fault value is the number of the rule that was violated.
-            let opcode = *self.module.words.get(self.origins.get(trap.op.index())?.offset as usize)?;
+            let first = *self.module.words.get(self.origins.get(trap.op.index())?.offset as usize)?;
             let broken = *RayRule::ALL.get(fault_value as usize)?;
-            return Some(ray_rules::describe(opcode as u16, broken));
+            return Some(ray_rules::describe(Opcode::of_word(first), broken));
         }
         if trap.code == TrapCode::AccelerationStructureMissing {
             // A handle that is no descriptor is a device address.

@@ -4,23 +4,13 @@
 use crate::machine::{AccessFault, LaneTrap, OpIndex, Reg, TrapCode};
 use crate::module::hit_ids::{HitId, HitIds};
 use crate::module::ty::{Type, TypeId};
-use crate::module::{Definition, Id, Instruction};
+use crate::module::{Definition, Id, Instruction, Opcode};
 use crate::ops::access::Access;
 use crate::ops::atomic;
 use crate::ops::memory::{ComputedOffset, Length};
 use crate::ops::op::Op;
 use crate::program::Program;
 use anyhit_base::error::IndexOperand;
-
-/// Instructions that take indices.
-mod opcode {
-    pub(super) const ACCESS_CHAIN: u16 = 65;
-    pub(super) const IN_BOUNDS_ACCESS_CHAIN: u16 = 66;
-    pub(super) const PTR_ACCESS_CHAIN: u16 = 67;
-    pub(super) const IN_BOUNDS_PTR_ACCESS_CHAIN: u16 = 70;
-    pub(super) const VECTOR_EXTRACT_DYNAMIC: u16 = 77;
-    pub(super) const VECTOR_INSERT_DYNAMIC: u16 = 78;
-}
 
 /// An index of an access chain, and the composite that it indexes.
 struct ChainIndex {
@@ -234,13 +224,13 @@ impl Program {
             let chain_index = |from| ChainIndex { path, from, index: Id(index), offset: None };
             from.map(chain_index).into_iter().collect()
         };
-        match (head as u16, operands) {
-            (opcode::ACCESS_CHAIN | opcode::IN_BOUNDS_ACCESS_CHAIN, [base, indices @ ..])
-            | (opcode::PTR_ACCESS_CHAIN | opcode::IN_BOUNDS_PTR_ACCESS_CHAIN, [base, _, indices @ ..]) => {
+        match (Opcode::of_word(head), operands) {
+            (Opcode::AccessChain | Opcode::InBoundsAccessChain, [base, indices @ ..])
+            | (Opcode::PtrAccessChain | Opcode::InBoundsPtrAccessChain, [base, _, indices @ ..]) => {
                 self.follow_indices(Id(*base), indices).0
             }
-            (opcode::VECTOR_EXTRACT_DYNAMIC, &[from, index]) => vector(from, index),
-            (opcode::VECTOR_INSERT_DYNAMIC, &[from, _, index]) => vector(from, index),
+            (Opcode::VectorExtractDynamic, &[from, index]) => vector(from, index),
+            (Opcode::VectorInsertDynamic, &[from, _, index]) => vector(from, index),
             _ => Vec::new(),
         }
     }
@@ -315,15 +305,10 @@ impl Program {
     /// `Node.children[].mass`; `None` where that has no name.
     #[doc(hidden)]
     pub fn pointee_path(&self, op: OpIndex) -> Option<String> {
-        const LOAD: u16 = 61;
-        const STORE: u16 = 62;
-        const ATOMIC_STORE: u16 = 228;
         let words = self.module.words.get(self.origins.get(op.index())?.offset as usize..)?;
-        let pointer = match *words.first()? as u16 {
-            STORE | ATOMIC_STORE => words.get(1)?,
-            opcode if opcode == LOAD || atomic::OPCODES.iter().any(|&one| one as u16 == opcode) => {
-                words.get(3)?
-            }
+        let pointer = match Opcode::of_word(*words.first()?) {
+            Opcode::Store | Opcode::AtomicStore => words.get(1)?,
+            opcode if opcode == Opcode::Load || atomic::OPCODES.contains(&opcode) => words.get(3)?,
             _ => return None,
         };
         let type_name = |pointer: Id| {
@@ -336,8 +321,8 @@ impl Program {
         let block = &self.module.functions[function as usize].blocks[block as usize];
         let instruction: &Instruction = &block.instructions[at as usize];
         match (instruction.opcode, self.module.operands(instruction)) {
-            (opcode::ACCESS_CHAIN | opcode::IN_BOUNDS_ACCESS_CHAIN, [base, indices @ ..])
-            | (opcode::PTR_ACCESS_CHAIN | opcode::IN_BOUNDS_PTR_ACCESS_CHAIN, [base, _, indices @ ..]) => {
+            (Opcode::AccessChain | Opcode::InBoundsAccessChain, [base, indices @ ..])
+            | (Opcode::PtrAccessChain | Opcode::InBoundsPtrAccessChain, [base, _, indices @ ..]) => {
                 Some(self.follow_indices_from(type_name(Id(*base))?, Id(*base), indices).1)
             }
             _ => type_name(Id(*pointer)),
@@ -356,7 +341,7 @@ impl Program {
                 let instruction: &Instruction = &block.instructions[at as usize];
                 let operands = module.operands(instruction);
                 match (instruction.opcode, operands) {
-                    (opcode::ACCESS_CHAIN | opcode::IN_BOUNDS_ACCESS_CHAIN, [base, indices @ ..]) => {
+                    (Opcode::AccessChain | Opcode::InBoundsAccessChain, [base, indices @ ..]) => {
                         Some(self.follow_indices(Id(*base), indices).1).filter(|path| !path.is_empty())
                     }
                     _ => None,

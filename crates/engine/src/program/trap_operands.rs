@@ -3,6 +3,7 @@
 use crate::accel::RayRule;
 use crate::machine::device_memory::STRUCTURE_HANDLE;
 use crate::machine::{AccessFault, Binding, Bindings, LaneTrap, OpIndex, TrapCode};
+use crate::module::Opcode;
 use crate::ops::memory::{BufferRef, Chunk};
 use crate::ops::ray_rules;
 use crate::program::Program;
@@ -80,8 +81,8 @@ impl Program {
             TrapCode::InvalidTrace | TrapCode::InvalidRayQuery | TrapCode::InvalidHitObject
         );
         let rule = RayRule::ALL.get(fault_value as usize).filter(|_| of_rays)?;
-        let opcode = *self.module.words.get(self.origins.get(trap.op.index())?.offset as usize)?;
-        ray_rules::vuid(opcode as u16, *rule)
+        let first = *self.module.words.get(self.origins.get(trap.op.index())?.offset as usize)?;
+        ray_rules::vuid(Opcode::of_word(first), *rule)
     }
 
     /// The part of a buffer that an operation accesses.

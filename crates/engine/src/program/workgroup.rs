@@ -144,6 +144,7 @@ mod tests {
     use std::sync::Arc;
 
     use super::*;
+    use crate::module::Opcode;
     use crate::module::assemble::{Assembler, string_words};
     use crate::program::lower;
 
@@ -172,38 +173,29 @@ mod tests {
         assert_eq!(rule(DerivativeGroup::Linear, [3, 2, 1]), wanted);
     }
 
-    /// Opcodes, numbers of the specification.
-    const ENTRY_POINT: u16 = 15;
-    const EXECUTION_MODE: u16 = 16;
-    const TYPE_VECTOR: u16 = 23;
-    const CONSTANT: u16 = 43;
-    const CONSTANT_COMPOSITE: u16 = 44;
-    const DECORATE: u16 = 71;
-    const RETURN: u16 = 253;
-
     /// The workgroup sizes of two entry points with a `LocalSize` of 1, 1, 1, beside the constants
     /// (2, 3, 4) and (5, 6, 7), of which one may be decorated.
     fn sizes(decorated: Option<u32>) -> [[u32; 3]; 2] {
         let mut a = Assembler::new();
         for (id, name) in [(20, "first"), (30, "second")] {
-            a.raw(ENTRY_POINT, &[&[5, id][..], &string_words(name)].concat());
+            a.op(Opcode::EntryPoint, &[&[5, id][..], &string_words(name)].concat());
         }
         for id in [20, 30] {
-            a.raw(EXECUTION_MODE, &[id, LOCAL_SIZE, 1, 1, 1]);
+            a.op(Opcode::ExecutionMode, &[id, LOCAL_SIZE, 1, 1, 1]);
         }
         if let Some(id) = decorated {
-            a.raw(DECORATE, &[id, number::BUILT_IN, 25]);
+            a.op(Opcode::Decorate, &[id, number::BUILT_IN, 25]);
         }
         a.types();
-        a.raw(TYPE_VECTOR, &[9, 5, 3]);
+        a.op(Opcode::TypeVector, &[9, 5, 3]);
         for side in 2..8 {
-            a.raw(CONSTANT, &[5, 40 + side, side]);
+            a.op(Opcode::Constant, &[5, 40 + side, side]);
         }
-        a.raw(CONSTANT_COMPOSITE, &[9, 50, 42, 43, 44]);
-        a.raw(CONSTANT_COMPOSITE, &[9, 51, 45, 46, 47]);
+        a.op(Opcode::ConstantComposite, &[9, 50, 42, 43, 44]);
+        a.op(Opcode::ConstantComposite, &[9, 51, 45, 46, 47]);
         for id in [20, 30] {
             a.function(id, id + 1, |a| {
-                a.raw(RETURN, &[]);
+                a.op(Opcode::Return, &[]);
             });
         }
         let module = Arc::new(a.loaded());

@@ -242,7 +242,7 @@ pub fn shorten(lines: &mut Vec<String>) {
 
 #[cfg(test)]
 mod tests {
-    use rspirv::spirv::Op;
+    use crate::module::Opcode;
 
     use crate::module::Id;
     use crate::module::assemble::Assembler;
@@ -254,22 +254,22 @@ mod tests {
         const ARRAY_STRIDE: u32 = 6;
         let [vec3, float] = [7, 6];
         let mut a = Assembler::new();
-        a.with_string(Op::MemberName, &[50, 0], "position", &[]);
-        a.with_string(Op::MemberName, &[50, 1], "mass", &[]);
-        a.with_string(Op::MemberName, &[52, 0], "count", &[]);
+        a.with_string(Opcode::MemberName, &[50, 0], "position", &[]);
+        a.with_string(Opcode::MemberName, &[50, 1], "mass", &[]);
+        a.with_string(Opcode::MemberName, &[52, 0], "count", &[]);
         for (member, offset) in [(0, 0), (1, 16)] {
-            a.op(Op::MemberDecorate, &[50, member, OFFSET, offset]);
+            a.op(Opcode::MemberDecorate, &[50, member, OFFSET, offset]);
         }
         for (member, offset) in [(0, 0), (1, 16)] {
-            a.op(Op::MemberDecorate, &[52, member, OFFSET, offset]);
+            a.op(Opcode::MemberDecorate, &[52, member, OFFSET, offset]);
         }
-        a.op(Op::MemberDecorate, &[53, 0, OFFSET, 0]);
-        a.op(Op::Decorate, &[51, ARRAY_STRIDE, 32]);
+        a.op(Opcode::MemberDecorate, &[53, 0, OFFSET, 0]);
+        a.op(Opcode::Decorate, &[51, ARRAY_STRIDE, 32]);
         a.types();
-        a.op(Op::TypeStruct, &[50, vec3, float]);
-        a.op(Op::TypeRuntimeArray, &[51, 50]);
-        a.op(Op::TypeStruct, &[52, float, 51]);
-        a.op(Op::TypeStruct, &[53, 51]);
+        a.op(Opcode::TypeStruct, &[50, vec3, float]);
+        a.op(Opcode::TypeRuntimeArray, &[51, 50]);
+        a.op(Opcode::TypeStruct, &[52, float, 51]);
+        a.op(Opcode::TypeStruct, &[53, 51]);
         let module = a.loaded();
         let path = |ty: u32, byte| {
             let ty = module.type_with_id(Id(ty)).expect("a type");

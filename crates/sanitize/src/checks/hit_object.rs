@@ -125,10 +125,8 @@ fn check_time<const W: usize>(
     let without = lanes(batch, object, |found| {
         let op = found.encoded().ok().and_then(|encoded| encoded.origin.op);
         let origin = op.and_then(|op| plan.program.origins.get(op.index()));
-        origin.is_some_and(|origin| {
-            let opcode = InstructionWords::at(&plan.program.module, origin.offset).opcode;
-            opcode.is_some_and(|opcode| !has_time(opcode))
-        })
+        origin
+            .is_some_and(|origin| !has_time(InstructionWords::at(&plan.program.module, origin.offset).opcode))
     });
     sanitizer.tell(batch, &hit_object::HO_TIME, op, without, |_| {
         "the time of a hit object is read, which was recorded without one".to_owned()

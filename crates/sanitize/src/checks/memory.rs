@@ -10,7 +10,7 @@ use crate::races::AccessKind;
 use crate::report::Sink;
 use crate::report::specials::SpecialSink;
 use crate::sanitizer::Sanitizer;
-use anyhit_engine::machine::{Batch, Bindings, OpIndex, Reg, ShadowRegisters};
+use anyhit_engine::machine::{Batch, Bindings, Mask, OpIndex, Reg, ShadowRegisters};
 use anyhit_engine::ops::memory::{BufferRef, Chunk, MemoryOp};
 use anyhit_engine::ops::pointer::storage;
 
@@ -29,6 +29,9 @@ pub(crate) fn check<const W: usize>(
         MemoryOp::Move { to, from } => shadow.copy(to, from),
         MemoryOp::MoveMasked { to, from } => shadow.copy_lanes(to, from, mask),
         MemoryOp::Undefine { first, count } => undefine(sanitizer, batch, shadow, executed, first, count),
+        MemoryOp::Freeze { first, count } => {
+            (0..count).for_each(|word| shadow.set_undefined(first.plus(word), Mask::NONE));
+        }
         MemoryOp::Index { to, base, index, .. } => {
             shadow.copy(to, index);
             if let Some(base) = base {

@@ -1,12 +1,11 @@
 //! What an entry point executes: its instructions, its accesses to memory, and what they reach.
 
-use rspirv::spirv::Op;
 use rustc_hash::{FxHashMap, FxHashSet};
 use smallvec::SmallVec;
 
 use anyhit_engine::module::interface::{EntryPoint, InterfaceVariable};
 use anyhit_engine::module::ty::Type;
-use anyhit_engine::module::{Definition, Function, Id, Instruction, Module};
+use anyhit_engine::module::{Definition, Function, Id, Instruction, Module, Opcode};
 use anyhit_engine::ops::atomic;
 
 /// The instructions of an entry point's call tree, and the variables that they use.
@@ -24,7 +23,7 @@ pub(crate) struct EntryCode<'a> {
 pub(crate) struct MemoryAccess {
     /// Where the instruction begins, in words from the start of the module.
     pub offset: u32,
-    pub opcode: Op,
+    pub opcode: Opcode,
     /// The pointer, or the image.
     pub pointer: Id,
     pub reads: bool,
@@ -48,7 +47,7 @@ impl<'a> EntryCode<'a> {
         let functions = functions.into_iter().map(|function| &module.functions[function as usize]);
         let instructions: Vec<_> = functions.flat_map(Function::instructions).collect();
         let mut arguments: FxHashMap<Id, SmallVec<[Id; 2]>> = FxHashMap::default();
-        for &instruction in instructions.iter().filter(|one| one.opcode == Op::FunctionCall as u16) {
+        for &instruction in instructions.iter().filter(|one| one.opcode == Opcode::FunctionCall) {
             let Some((&callee, passed)) = module.operands(instruction).split_first() else { continue };
             let Some(callee) = module.function(Id(callee)) else { continue };
             for (&(parameter, _), &argument) in callee.parameters.iter().zip(passed) {
@@ -58,13 +57,11 @@ impl<'a> EntryCode<'a> {
         Self { module, entry, instructions, variables: module.interface_of(entry), arguments }
     }
 
-    /// The opcodes, instructions and operand words of all instructions that rspirv knows.
-    pub(crate) fn known(&self) -> impl Iterator<Item = (Op, &'a Instruction, &'a [u32])> {
+    /// The opcodes, instructions and operand words of all instructions.
+    pub(crate) fn known(&self) -> impl Iterator<Item = (Opcode, &'a Instruction, &'a [u32])> {
         let module = self.module;
-        self.instructions.iter().filter_map(move |&instruction| {
-            let opcode = Op::from_u32(instruction.opcode.into())?;
-            Some((opcode, instruction, module.operands(instruction)))
-        })
+        let all = self.instructions.iter();
+        all.map(move |&instruction| (instruction.opcode, instruction, module.operands(instruction)))
     }
 
     /// All accesses to memory and to the texels of storage images.
@@ -77,10 +74,12 @@ impl<'a> EntryCode<'a> {
                 all.push(MemoryAccess { offset, opcode, pointer: Id(pointer), reads, writes });
             };
             match opcode {
-                Op::Load if self.loads_a_handle(instruction) => {}
-                Op::Load | Op::AtomicLoad | Op::ImageRead | Op::ImageSparseRead => add(0, true, false),
-                Op::Store | Op::AtomicStore | Op::ImageWrite => add(0, false, true),
-                Op::CopyMemory | Op::CopyMemorySized => {
+                Opcode::Load if self.loads_a_handle(instruction) => {}
+                Opcode::Load | Opcode::AtomicLoad | Opcode::ImageRead | Opcode::ImageSparseRead => {
+                    add(0, true, false)
+                }
+                Opcode::Store | Opcode::AtomicStore | Opcode::ImageWrite => add(0, false, true),
+                Opcode::CopyMemory | Opcode::CopyMemorySized => {
                     add(0, false, true);
                     add(1, true, false);
                 }
@@ -127,21 +126,25 @@ impl<'a> EntryCode<'a> {
                     let Some(instruction) = self.result(id) else { continue };
                     let operands = self.module.operands(instruction);
                     let Some(&base) = operands.first() else { continue };
-                    match Op::from_u32(instruction.opcode.into()) {
-                        Some(Op::Variable) => parts.push(Part::Variable(id)),
-                        Some(Op::AccessChain | Op::InBoundsAccessChain) => {
+                    match instruction.opcode {
+                        Opcode::Variable => parts.push(Part::Variable(id)),
+                        Opcode::AccessChain | Opcode::InBoundsAccessChain => {
                             self.members(Id(base), &operands[1..], &mut parts);
                             open.push(Id(base));
                         }
-                        Some(Op::PtrAccessChain | Op::InBoundsPtrAccessChain) => {
+                        Opcode::PtrAccessChain | Opcode::InBoundsPtrAccessChain => {
                             self.members(Id(base), operands.get(2..).unwrap_or_default(), &mut parts);
                             open.push(Id(base));
                         }
-                        Some(Op::CopyObject | Op::ImageTexelPointer | Op::Image | Op::SampledImage) => {
+                        Opcode::CopyObject
+                        | Opcode::FreezeKHR
+                        | Opcode::ImageTexelPointer
+                        | Opcode::Image
+                        | Opcode::SampledImage => {
                             open.push(Id(base));
                         }
                         // The image that an image instruction uses, not a pointer in memory.
-                        Some(Op::Load) if self.loads_a_handle(instruction) => open.push(Id(base)),
+                        Opcode::Load if self.loads_a_handle(instruction) => open.push(Id(base)),
                         _ => {}
                     }
                 }

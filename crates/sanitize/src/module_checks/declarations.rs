@@ -1,15 +1,15 @@
 //! Rules about variables, execution modes and single instructions without memory.
 
-use rspirv::spirv::{ExecutionMode, FPFastMathMode as FastMath, Op};
+use rspirv::spirv::{ExecutionMode, FPFastMathMode as FastMath};
 
 use crate::module_checks::Fault;
 use crate::module_checks::code::{EntryCode, Part};
 use crate::module_checks::memory::offset_of;
 use anyhit_engine::module::decoration::number;
 use anyhit_engine::module::interface::Stage;
-use anyhit_engine::module::names::{execution_mode_name, opcode_name, storage_class_name};
+use anyhit_engine::module::names::{execution_mode_name, storage_class_name};
 use anyhit_engine::module::ty::{Type, TypeId};
-use anyhit_engine::module::{Definition, Id, Module};
+use anyhit_engine::module::{Definition, Id, Module, Opcode};
 use anyhit_engine::ops::hit_object::hint_operand;
 use anyhit_engine::ops::pointer::storage;
 use anyhit_engine::ops::trace_operands::possible_constants;
@@ -75,15 +75,15 @@ pub(super) fn payload_aliasing(code: &EntryCode<'_>, faults: &mut Vec<Fault>) {
     if own.is_empty() {
         return;
     }
-    let accesses = [Op::Load, Op::Store, Op::AccessChain, Op::InBoundsAccessChain, Op::CopyMemory];
-    let is_access = |opcode: u16| accesses.iter().any(|one| *one as u16 == opcode);
+    let accesses =
+        [Opcode::Load, Opcode::Store, Opcode::AccessChain, Opcode::InBoundsAccessChain, Opcode::CopyMemory];
     let passes = |variable: &Id| {
-        let others = code.instructions.iter().filter(|one| !is_access(one.opcode));
+        let others = code.instructions.iter().filter(|one| !accesses.contains(&one.opcode));
         others.into_iter().any(|instruction| code.module.operand_ids(instruction).contains(variable))
     };
     let Some(forgotten) = own.iter().find(|variable| !passes(variable)) else { return };
     for (opcode, instruction, operands) in code.known() {
-        let Some(&payload) = operands.last().filter(|_| opcode == Op::TraceRayKHR) else { continue };
+        let Some(&payload) = operands.last().filter(|_| opcode == Opcode::TraceRayKHR) else { continue };
         if code.storage_class(Id(payload)) == Some(storage::INCOMING_RAY_PAYLOAD) {
             let [payload, forgotten] = [Id(payload), *forgotten].map(|id| code.describe(Part::Variable(id)));
             let message = format!(
@@ -103,7 +103,7 @@ pub(super) fn no_repack_mode(code: &EntryCode<'_>, faults: &mut Vec<Fault>) {
     let Some(mode) = modes.find(|mode| [MAXIMALLY_RECONVERGES, uniform].contains(mode)) else { return };
     let mode = if mode == uniform { execution_mode_name(mode) } else { "MaximallyReconvergesKHR".into() };
     if let Some((opcode, instruction, _)) = code.known().find(|(opcode, ..)| repacks(*opcode)) {
-        let message = format!("{} in an entry point of mode {mode}", opcode_name(opcode as u16));
+        let message = format!("{} in an entry point of mode {mode}", opcode);
         faults.push(Fault { offset: instruction.offset, message });
     }
 }
@@ -131,20 +131,20 @@ pub(super) fn reorder_hint_bits(code: &EntryCode<'_>, faults: &mut Vec<Fault>) {
 }
 
 /// Whether an instruction may distribute invocations to subgroups anew.
-fn repacks(opcode: Op) -> bool {
+fn repacks(opcode: Opcode) -> bool {
     matches!(
         opcode,
-        Op::TraceRayKHR
-            | Op::TraceRayMotionNV
-            | Op::ExecuteCallableKHR
-            | Op::ReportIntersectionKHR
-            | Op::ReorderThreadWithHintNV
-            | Op::ReorderThreadWithHitObjectNV
-            | Op::ReorderThreadWithHintEXT
-            | Op::ReorderThreadWithHitObjectEXT
-            | Op::HitObjectReorderExecuteShaderEXT
-            | Op::HitObjectTraceReorderExecuteEXT
-            | Op::HitObjectTraceMotionReorderExecuteEXT
+        Opcode::TraceRayKHR
+            | Opcode::TraceRayMotionNV
+            | Opcode::ExecuteCallableKHR
+            | Opcode::ReportIntersectionKHR
+            | Opcode::ReorderThreadWithHintNV
+            | Opcode::ReorderThreadWithHitObjectNV
+            | Opcode::ReorderThreadWithHintEXT
+            | Opcode::ReorderThreadWithHitObjectEXT
+            | Opcode::HitObjectReorderExecuteShaderEXT
+            | Opcode::HitObjectTraceReorderExecuteEXT
+            | Opcode::HitObjectTraceMotionReorderExecuteEXT
     )
 }
 
@@ -179,7 +179,7 @@ pub(super) fn fastmath_modes(code: &EntryCode<'_>, faults: &mut Vec<Fault>) {
             }
             () => continue,
         };
-        let message = format!("the FPFastMathMode of {} has {says}", opcode_name(instruction.opcode));
+        let message = format!("the FPFastMathMode of {} has {says}", instruction.opcode);
         faults.push(Fault { offset: instruction.offset, message });
     }
 }
@@ -193,11 +193,15 @@ pub(super) fn bitop_width(code: &EntryCode<'_>, faults: &mut Vec<Fault>) {
     for (opcode, instruction, operands) in code.known() {
         let counts = matches!(
             opcode,
-            Op::BitCount | Op::BitReverse | Op::BitFieldInsert | Op::BitFieldSExtract | Op::BitFieldUExtract
+            Opcode::BitCount
+                | Opcode::BitReverse
+                | Opcode::BitFieldInsert
+                | Opcode::BitFieldSExtract
+                | Opcode::BitFieldUExtract
         );
         let base = operands.first().filter(|_| counts).and_then(|&base| code.module.type_of(Id(base)));
         if let Some(width) = base.and_then(|ty| width(code.module, ty)).filter(|&width| width != 32) {
-            let message = format!("{} of an integer of {width} bits", opcode_name(opcode as u16));
+            let message = format!("{} of an integer of {width} bits", opcode);
             faults.push(Fault { offset: instruction.offset, message });
         }
     }
@@ -214,7 +218,7 @@ fn width(module: &Module, ty: TypeId) -> Option<u32> {
 /// That the constant is from 0 to 3 is checked where the gather is executed.
 pub(super) fn gather_component(code: &EntryCode<'_>, faults: &mut Vec<Fault>) {
     for (opcode, instruction, operands) in code.known() {
-        if !matches!(opcode, Op::ImageGather | Op::ImageSparseGather) {
+        if !matches!(opcode, Opcode::ImageGather | Opcode::ImageSparseGather) {
             continue;
         }
         let Some(&component) = operands.get(2) else { continue };

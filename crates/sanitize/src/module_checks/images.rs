@@ -1,11 +1,9 @@
 //! Rules about the operands of image instructions that are known from a module alone.
 
-use rspirv::spirv::Op;
-
 use crate::module_checks::Fault;
 use crate::module_checks::code::EntryCode;
 use anyhit_engine::module::ty::Type;
-use anyhit_engine::module::{Definition, Id};
+use anyhit_engine::module::{Definition, Id, Opcode};
 
 /// The image operands that stand before `Offset` in the mask, with how many ids each has.
 const BEFORE_OFFSET: [(u32, usize); 4] = [(0x1, 1), (0x2, 1), (0x4, 2), (0x8, 1)];
@@ -14,7 +12,7 @@ const OFFSET: u32 = 0x10;
 
 pub(super) fn sample_operand(code: &EntryCode<'_>, faults: &mut Vec<Fault>) {
     for (opcode, instruction, operands) in code.known() {
-        let (Op::ImageTexelPointer, &[pointer, _, sample]) = (opcode, operands) else { continue };
+        let (Opcode::ImageTexelPointer, &[pointer, _, sample]) = (opcode, operands) else { continue };
         let image = code.module.pointee(Id(pointer)).map(|ty| code.module.ty(ty));
         let Some(Type::Image(image)) = image else { continue };
         if let Some(sample @ 1..) = code.module.scalar_value(Id(sample)).filter(|_| !image.multisampled) {
@@ -27,15 +25,15 @@ pub(super) fn sample_operand(code: &EntryCode<'_>, faults: &mut Vec<Fault>) {
 pub(super) fn dynamic_offset(code: &EntryCode<'_>, faults: &mut Vec<Fault>) {
     for (opcode, instruction, operands) in code.known() {
         let mask_at = match opcode {
-            Op::ImageSampleImplicitLod
-            | Op::ImageSampleExplicitLod
-            | Op::ImageSampleProjImplicitLod
-            | Op::ImageSampleProjExplicitLod
-            | Op::ImageFetch => 2,
-            Op::ImageSampleDrefImplicitLod
-            | Op::ImageSampleDrefExplicitLod
-            | Op::ImageSampleProjDrefImplicitLod
-            | Op::ImageSampleProjDrefExplicitLod => 3,
+            Opcode::ImageSampleImplicitLod
+            | Opcode::ImageSampleExplicitLod
+            | Opcode::ImageSampleProjImplicitLod
+            | Opcode::ImageSampleProjExplicitLod
+            | Opcode::ImageFetch => 2,
+            Opcode::ImageSampleDrefImplicitLod
+            | Opcode::ImageSampleDrefExplicitLod
+            | Opcode::ImageSampleProjDrefImplicitLod
+            | Opcode::ImageSampleProjDrefExplicitLod => 3,
             _ => continue,
         };
         let Some((&mask, ids)) = operands.get(mask_at..).and_then(<[u32]>::split_first) else { continue };

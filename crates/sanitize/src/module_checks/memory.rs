@@ -1,15 +1,15 @@
 //! Rules about single accesses to memory: what may be read and written, and how.
 
-use rspirv::spirv::{MemoryAccess as AccessMask, Op};
+use rspirv::spirv::MemoryAccess as AccessMask;
 
 use crate::module_checks::Fault;
 use crate::module_checks::code::{EntryCode, MemoryAccess, Part};
 use anyhit_engine::module::constant::ConstantValue;
 use anyhit_engine::module::decoration::number;
 use anyhit_engine::module::interface::Stage;
-use anyhit_engine::module::names::{opcode_name, storage_class_name};
+use anyhit_engine::module::names::storage_class_name;
 use anyhit_engine::module::ty::{Type, TypeId};
-use anyhit_engine::module::{Definition, Id, Module};
+use anyhit_engine::module::{Definition, Id, Module, Opcode};
 use anyhit_engine::ops::atomic;
 use anyhit_engine::ops::pointer::storage;
 
@@ -42,9 +42,9 @@ pub(super) fn non_writable(code: &EntryCode<'_>, faults: &mut Vec<Fault>) {
 /// `inline-entry-points-exhaustive`).
 fn is_initializer(code: &EntryCode<'_>, access: &MemoryAccess) -> bool {
     let stored = code.module.words.get(access.offset as usize + 2);
-    access.opcode == Op::Store
+    access.opcode == Opcode::Store
         && code.storage_class(access.pointer) == Some(storage::FUNCTION)
-        && code.result(access.pointer).is_some_and(|made| made.opcode == Op::Variable as u16)
+        && code.result(access.pointer).is_some_and(|made| made.opcode == Opcode::Variable)
         && stored.is_some_and(|&id| matches!(code.module.definition(Id(id)), Some(Definition::Constant(_))))
 }
 
@@ -63,12 +63,12 @@ pub(super) fn as_load_source(code: &EntryCode<'_>, faults: &mut Vec<Fault>) {
         Some(Definition::Constant(at)) => {
             matches!(module.constants[at as usize].value, ConstantValue::Undef)
         }
-        _ => code.result(id).is_some_and(|instruction| instruction.opcode == Op::Undef as u16),
+        _ => code.result(id).is_some_and(|instruction| instruction.opcode == Opcode::Undef),
     };
     for (opcode, instruction, operands) in code.known() {
         let class = operands.first().and_then(|&pointer| code.storage_class(Id(pointer)));
         let message = match (opcode, class) {
-            (Op::Load, Some(class))
+            (Opcode::Load, Some(class))
                 if class != storage::UNIFORM_CONSTANT && instruction.result.is_some_and(is_structure) =>
             {
                 let class = storage_class_name(class);
@@ -77,7 +77,7 @@ pub(super) fn as_load_source(code: &EntryCode<'_>, faults: &mut Vec<Fault>) {
                 )
             }
             _ if operands.iter().any(|&id| is_structure(Id(id)) && is_undef(Id(id))) => {
-                format!("{} uses an acceleration structure that is OpUndef", opcode_name(opcode as u16))
+                format!("{} uses an acceleration structure that is OpUndef", opcode)
             }
             _ => continue,
         };
@@ -144,11 +144,11 @@ pub(super) fn aligned_operand(code: &EntryCode<'_>, faults: &mut Vec<Fault>) {
     }
     for (opcode, instruction, operands) in code.known() {
         let (pointers, mask_at) = match opcode {
-            Op::Load => (&operands[..1], 1),
-            Op::Store => (&operands[..1], 2),
+            Opcode::Load => (&operands[..1], 1),
+            Opcode::Store => (&operands[..1], 2),
             // With operands for the source alone, only the target's are read.
-            Op::CopyMemory if operands.len() > 4 => (&operands[..1], 2),
-            Op::CopyMemory => (&operands[..2], 2),
+            Opcode::CopyMemory if operands.len() > 4 => (&operands[..1], 2),
+            Opcode::CopyMemory => (&operands[..2], 2),
             _ => continue,
         };
         let physical = pointers
@@ -159,7 +159,7 @@ pub(super) fn aligned_operand(code: &EntryCode<'_>, faults: &mut Vec<Fault>) {
             let aligned = operands.get(mask_at).filter(|&mask| mask & AccessMask::ALIGNED.bits() != 0);
             let alignment = aligned.and_then(|_| operands.get(mask_at + 1)).copied();
             let scalar = code.module.pointee(pointer).map_or(0, |ty| largest_scalar(code.module, ty));
-            let name = opcode_name(opcode as u16);
+            let name = opcode;
             let message = match alignment {
                 None => format!("{name} through a physical pointer says nothing about its alignment"),
                 Some(alignment) if scalar != 0 && alignment % scalar != 0 => format!(
@@ -199,7 +199,7 @@ pub(super) fn atomic_class(code: &EntryCode<'_>, faults: &mut Vec<Fault>) {
 
 /// The name of an access's instruction.
 fn named(access: &MemoryAccess) -> impl std::fmt::Display + use<> {
-    opcode_name(access.opcode as u16)
+    access.opcode
 }
 
 /// The offset of a variable's declaration.
@@ -234,13 +234,13 @@ fn largest_scalar(module: &Module, ty: TypeId) -> u32 {
 pub(super) fn pointer_convert(code: &EntryCode<'_>, faults: &mut Vec<Fault>) {
     for (opcode, instruction, operands) in code.known() {
         let integer = match opcode {
-            Op::ConvertPtrToU => instruction.result,
-            Op::ConvertUToPtr => operands.first().map(|&operand| Id(operand)),
+            Opcode::ConvertPtrToU => instruction.result,
+            Opcode::ConvertUToPtr => operands.first().map(|&operand| Id(operand)),
             _ => continue,
         };
         let ty = integer.and_then(|id| code.module.type_of(id)).map(|ty| code.module.ty(ty));
         if let Some(&Type::Int { width, .. }) = ty.filter(|ty| !matches!(ty, Type::Int { width: 64, .. })) {
-            let message = format!("{} with an integer of {width} bits", opcode_name(opcode as u16));
+            let message = format!("{} with an integer of {width} bits", opcode);
             faults.push(Fault { offset: instruction.offset, message });
         }
     }

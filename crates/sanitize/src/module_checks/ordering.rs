@@ -1,14 +1,13 @@
 //! Rules about the scopes and memory semantics of barriers and atomic instructions.
 
-use rspirv::spirv::{MemorySemantics as Semantics, Op, Scope};
+use rspirv::spirv::{MemorySemantics as Semantics, Scope};
 use rustc_hash::FxHashMap;
 
 use crate::module_checks::Fault;
 use crate::module_checks::code::{EntryCode, Part};
 use anyhit_base::sorted::sort;
-use anyhit_engine::module::Id;
 use anyhit_engine::module::interface::Stage;
-use anyhit_engine::module::names::opcode_name;
+use anyhit_engine::module::{Id, Opcode};
 use anyhit_engine::ops::atomic;
 use anyhit_engine::ops::pointer::storage;
 
@@ -18,7 +17,7 @@ const VULKAN_MEMORY_MODEL_DEVICE_SCOPE: u32 = 5346;
 /// A barrier or an atomic instruction.
 struct Ordering {
     offset: u32,
-    opcode: Op,
+    opcode: Opcode,
     scope: Option<u32>,
     semantics: Option<Semantics>,
     /// Those of `OpAtomicCompareExchange` where the values are not equal.
@@ -27,11 +26,11 @@ struct Ordering {
 
 impl Ordering {
     fn is_barrier(&self) -> bool {
-        matches!(self.opcode, Op::ControlBarrier | Op::MemoryBarrier)
+        matches!(self.opcode, Opcode::ControlBarrier | Opcode::MemoryBarrier)
     }
 
     fn fault(&self, says: impl std::fmt::Display) -> Fault {
-        Fault { offset: self.offset, message: format!("{} {says}", opcode_name(self.opcode as u16)) }
+        Fault { offset: self.offset, message: format!("{} {says}", self.opcode) }
     }
 }
 
@@ -39,8 +38,8 @@ impl Ordering {
 fn orderings(code: &EntryCode<'_>) -> impl Iterator<Item = Ordering> {
     code.known().filter_map(|(opcode, instruction, operands)| {
         let scope_at = match opcode {
-            Op::MemoryBarrier => 0,
-            Op::ControlBarrier => 1,
+            Opcode::MemoryBarrier => 0,
+            Opcode::ControlBarrier => 1,
             _ if atomic::OPCODES.contains(&opcode) => 1,
             _ => return None,
         };
@@ -48,7 +47,7 @@ fn orderings(code: &EntryCode<'_>) -> impl Iterator<Item = Ordering> {
             let bits = code.module.scalar_value(Id(*operands.get(at)?))?;
             u32::try_from(bits).ok()
         };
-        let unequal = (opcode == Op::AtomicCompareExchange).then(|| constant(3)).flatten();
+        let unequal = (opcode == Opcode::AtomicCompareExchange).then(|| constant(3)).flatten();
         Some(Ordering {
             offset: instruction.offset,
             opcode,
@@ -85,9 +84,9 @@ fn broken_semantics(one: &Ordering, semantics: Semantics) -> Option<String> {
         () if semantics.contains(Semantics::SEQUENTIALLY_CONSISTENT) => {
             "is SequentiallyConsistent, which Vulkan does not have".into()
         }
-        () if one.opcode == Op::AtomicStore && acquires => "acquires, though it loads nothing".into(),
-        () if one.opcode == Op::AtomicLoad && releases => "releases, though it stores nothing".into(),
-        () if one.opcode == Op::MemoryBarrier && order.is_empty() => "has no memory order".into(),
+        () if one.opcode == Opcode::AtomicStore && acquires => "acquires, though it loads nothing".into(),
+        () if one.opcode == Opcode::AtomicLoad && releases => "releases, though it stores nothing".into(),
+        () if one.opcode == Opcode::MemoryBarrier && order.is_empty() => "has no memory order".into(),
         () if !order.is_empty() && classes.is_empty() => {
             format!("is {}, and names no class of memory that is ordered", names(order))
         }

@@ -1,11 +1,10 @@
 //! Loops that wait for another invocation.
 
-use rspirv::spirv::Op;
 use rustc_hash::{FxHashMap, FxHashSet};
 
 use crate::module_checks::Fault;
 use crate::module_checks::code::{EntryCode, MemoryAccess, Part};
-use anyhit_engine::module::{BasicBlock, Definition, Id, Instruction};
+use anyhit_engine::module::{BasicBlock, Definition, Id, Instruction, Opcode};
 use anyhit_engine::ops::atomic;
 use anyhit_engine::ops::pointer::storage;
 
@@ -18,7 +17,7 @@ pub(super) fn launch_order(code: &EntryCode<'_>, faults: &mut Vec<Fault>) {
     for function in functions.into_iter().map(|function| &code.module.functions[function as usize]) {
         let blocks: Blocks = function.blocks.iter().map(|block| (block.label, block)).collect();
         for header in &function.blocks {
-            let merge = header.instructions.iter().find(|one| one.opcode == Op::LoopMerge as u16);
+            let merge = header.instructions.iter().find(|one| one.opcode == Opcode::LoopMerge);
             let Some(&merge) = merge.and_then(|merge| code.module.operands(merge).first()) else { continue };
             let one = Loop::new(code, &blocks, header, Id(merge));
             if let Some(waits) = one.waits_for() {
@@ -67,11 +66,11 @@ impl<'a> Loop<'a> {
             for instruction in &next.instructions {
                 one.results.extend(instruction.result.map(|id| (id, instruction)));
                 let operands = code.module.operands(instruction);
-                match (Op::from_u32(instruction.opcode.into()), operands) {
-                    (Some(Op::Store), &[pointer, value, ..]) => {
+                match (instruction.opcode, operands) {
+                    (Opcode::Store, &[pointer, value, ..]) => {
                         one.stores.entry(Id(pointer)).or_default().push(Id(value));
                     }
-                    (Some(Op::BranchConditional), &[condition, yes, no, ..]) => {
+                    (Opcode::BranchConditional, &[condition, yes, no, ..]) => {
                         let leaves = |label: u32| one.leaves(block(Id(label)), Id(label));
                         if leaves(yes) || leaves(no) {
                             one.exits.push(Id(condition));
@@ -91,7 +90,7 @@ impl<'a> Loop<'a> {
     fn leaves(&self, block: Option<&BasicBlock>, label: Id) -> bool {
         label == self.merge
             || block.is_some_and(|block| match block.instructions.as_slice() {
-                [branch] if branch.opcode == Op::Branch as u16 => {
+                [branch] if branch.opcode == Opcode::Branch => {
                     self.code.module.operands(branch).first() == Some(&self.merge.0)
                 }
                 _ => false,
@@ -114,26 +113,26 @@ impl<'a> Loop<'a> {
             return false;
         }
         let operands = self.code.module.operands(instruction);
-        let opcode = Op::from_u32(instruction.opcode.into());
-        let is_atomic = opcode.is_some_and(|opcode| atomic::OPCODES.contains(&opcode));
+        let opcode = instruction.opcode;
+        let is_atomic = atomic::OPCODES.contains(&opcode);
         match opcode {
-            Some(Op::Load) if self.is_local(Id(operands[0])) => match self.stores.get(&Id(operands[0])) {
+            Opcode::Load if self.is_local(Id(operands[0])) => match self.stores.get(&Id(operands[0])) {
                 None => true,
                 Some(values) => match values.as_slice() {
                     &[value] => self.only_memory(value, seen, waits),
                     _ => false,
                 },
             },
-            Some(Op::Load | Op::ImageRead) => {
-                let operands = if opcode == Some(Op::Load) { &operands[..1] } else { &operands[..2] };
+            Opcode::Load | Opcode::ImageRead => {
+                let operands = if opcode == Opcode::Load { &operands[..1] } else { &operands[..2] };
                 self.waits_at(instruction, operands[0], waits) && self.all_only_memory(operands, seen, waits)
             }
             // An addition counts turns.
-            Some(opcode) if is_atomic && does_not_count(opcode) => {
+            _ if is_atomic && does_not_count(opcode) => {
                 self.waits_at(instruction, operands[0], waits) && self.all_only_memory(operands, seen, waits)
             }
             _ if is_atomic => false,
-            Some(Op::Phi | Op::FunctionCall) => false,
+            Opcode::Phi | Opcode::FunctionCall => false,
             _ => self.all_only_memory(operands, seen, waits),
         }
     }
@@ -174,8 +173,8 @@ impl<'a> Loop<'a> {
 }
 
 /// Whether an atomic instruction gives the same result again until another invocation writes.
-fn does_not_count(opcode: Op) -> bool {
-    use Op as O;
+fn does_not_count(opcode: Opcode) -> bool {
+    use Opcode as O;
     !matches!(
         opcode,
         O::AtomicIIncrement | O::AtomicIDecrement | O::AtomicIAdd | O::AtomicISub | O::AtomicFAddEXT

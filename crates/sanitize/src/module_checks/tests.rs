@@ -1,13 +1,11 @@
 //! Modules that break one rule each, most of which no compiler writes.
 
-use rspirv::spirv::Op;
-
 use crate::module_checks::CHECKS;
 use crate::module_checks::code::EntryCode;
 use anyhit_base::sorted::SortedSet;
-use anyhit_engine::module::Module;
 use anyhit_engine::module::assemble::Assembler;
 use anyhit_engine::module::decoration::number;
+use anyhit_engine::module::{Module, Opcode};
 use anyhit_engine::ops::pointer::storage;
 
 const COMPUTE: u32 = 5;
@@ -35,13 +33,13 @@ fn assembled(
     body: impl FnOnce(&mut Assembler),
 ) -> Assembler {
     let mut a = Assembler::new();
-    a.with_string(Op::EntryPoint, &[stage, 40], "main", &[]);
+    a.with_string(Opcode::EntryPoint, &[stage, 40], "main", &[]);
     before(&mut a);
     a.types();
     declare(&mut a);
     a.function(40, 41, |a| {
         body(a);
-        a.op(Op::Return, &[]);
+        a.op(Opcode::Return, &[]);
     });
     a
 }
@@ -54,29 +52,29 @@ fn with_block(
     access: impl FnOnce(&mut Assembler),
 ) -> SortedSet<&'static str> {
     let declare = |a: &mut Assembler| {
-        a.op(Op::Constant, &[5, 49, 0]);
-        a.op(Op::TypeStruct, &[50, 5]);
-        a.op(Op::TypePointer, &[51, class, 50]);
-        a.op(Op::TypePointer, &[52, class, 5]);
-        a.op(Op::Variable, &[51, 30, class]);
+        a.op(Opcode::Constant, &[5, 49, 0]);
+        a.op(Opcode::TypeStruct, &[50, 5]);
+        a.op(Opcode::TypePointer, &[51, class, 50]);
+        a.op(Opcode::TypePointer, &[52, class, 5]);
+        a.op(Opcode::Variable, &[51, 30, class]);
     };
     let body = |a: &mut Assembler| {
-        a.op(Op::AccessChain, &[52, 31, 30, 49]);
+        a.op(Opcode::AccessChain, &[52, 31, 30, 49]);
         access(a);
     };
     broken(&assembled(stage, decorate, declare, body).loaded())
 }
 
 fn block(a: &mut Assembler) {
-    a.op(Op::Decorate, &[50, number::BLOCK]);
+    a.op(Opcode::Decorate, &[50, number::BLOCK]);
 }
 
 fn store(a: &mut Assembler) {
-    a.op(Op::Store, &[31, 8]);
+    a.op(Opcode::Store, &[31, 8]);
 }
 
 fn load(a: &mut Assembler) {
-    a.op(Op::Load, &[5, 60, 31]);
+    a.op(Opcode::Load, &[5, 60, 31]);
 }
 
 fn rules<const N: usize>(ids: [&'static str; N]) -> SortedSet<&'static str> {
@@ -89,7 +87,7 @@ fn uniform_blocks_are_not_written() {
     assert_eq!(with_block(COMPUTE, storage::UNIFORM, block, load), rules([]));
     // The storage buffers of SPIR-V 1.0.
     let buffer_block = |a: &mut Assembler| {
-        a.op(Op::Decorate, &[50, 3]);
+        a.op(Opcode::Decorate, &[50, 3]);
     };
     assert_eq!(with_block(COMPUTE, storage::UNIFORM, buffer_block, store), rules([]));
     assert_eq!(with_block(COMPUTE, storage::STORAGE_BUFFER, block, store), rules([]));
@@ -99,14 +97,14 @@ fn uniform_blocks_are_not_written() {
 fn what_is_not_writable_or_readable_is_neither_written_nor_read() {
     let variable = |number: u32| {
         move |a: &mut Assembler| {
-            a.op(Op::Decorate, &[50, number::BLOCK]);
-            a.op(Op::Decorate, &[30, number]);
+            a.op(Opcode::Decorate, &[50, number::BLOCK]);
+            a.op(Opcode::Decorate, &[30, number]);
         }
     };
     let member = |number: u32| {
         move |a: &mut Assembler| {
-            a.op(Op::Decorate, &[50, number::BLOCK]);
-            a.op(Op::MemberDecorate, &[50, 0, number]);
+            a.op(Opcode::Decorate, &[50, number::BLOCK]);
+            a.op(Opcode::MemberDecorate, &[50, 0, number]);
         }
     };
     let buffer = storage::STORAGE_BUFFER;
@@ -125,20 +123,20 @@ fn what_is_not_writable_or_readable_is_neither_written_nor_read() {
 #[test]
 fn a_constant_stored_to_a_local_variable_is_its_initializer() {
     let decorate = |a: &mut Assembler| {
-        a.op(Op::Decorate, &[60, number::NON_WRITABLE]);
+        a.op(Opcode::Decorate, &[60, number::NON_WRITABLE]);
     };
     let declare = |a: &mut Assembler| {
-        a.op(Op::TypePointer, &[52, 7, 5]);
+        a.op(Opcode::TypePointer, &[52, 7, 5]);
     };
     let constant = |a: &mut Assembler| {
-        a.op(Op::Variable, &[52, 60, 7]);
-        a.op(Op::Store, &[60, 8]);
+        a.op(Opcode::Variable, &[52, 60, 7]);
+        a.op(Opcode::Store, &[60, 8]);
     };
     assert_eq!(broken(&assembled(COMPUTE, decorate, declare, constant).loaded()), rules([]));
     let computed = |a: &mut Assembler| {
-        a.op(Op::Variable, &[52, 60, 7]);
-        a.op(Op::IAdd, &[5, 61, 8, 8]);
-        a.op(Op::Store, &[60, 61]);
+        a.op(Opcode::Variable, &[52, 60, 7]);
+        a.op(Opcode::IAdd, &[5, 61, 8, 8]);
+        a.op(Opcode::Store, &[60, 61]);
     };
     assert_eq!(broken(&assembled(COMPUTE, decorate, declare, computed).loaded()), rules(["non-writable"]));
 }
@@ -146,7 +144,7 @@ fn a_constant_stored_to_a_local_variable_is_its_initializer() {
 #[test]
 fn ray_tracing_stages_have_no_workgroups() {
     let add = |a: &mut Assembler| {
-        a.op(Op::AtomicIAdd, &[5, 60, 31, 8, 49, 8]);
+        a.op(Opcode::AtomicIAdd, &[5, 60, 31, 8, 49, 8]);
     };
     assert_eq!(with_block(COMPUTE, storage::WORKGROUP, |_| (), add), rules([]));
     assert_eq!(with_block(RAY_GENERATION, storage::WORKGROUP, |_| (), add), rules(["workgroup-in-rt"]));
@@ -155,20 +153,20 @@ fn ray_tracing_stages_have_no_workgroups() {
 #[test]
 fn an_atomic_instruction_reads_and_writes() {
     let add = |a: &mut Assembler| {
-        a.op(Op::Constant, &[5, 49, 0]);
-        a.op(Op::Constant, &[5, 48, 1]);
-        a.op(Op::TypeStruct, &[50, 5]);
-        a.op(Op::TypePointer, &[51, 12, 50]);
-        a.op(Op::TypePointer, &[52, 12, 5]);
-        a.op(Op::Variable, &[51, 30, 12]);
+        a.op(Opcode::Constant, &[5, 49, 0]);
+        a.op(Opcode::Constant, &[5, 48, 1]);
+        a.op(Opcode::TypeStruct, &[50, 5]);
+        a.op(Opcode::TypePointer, &[51, 12, 50]);
+        a.op(Opcode::TypePointer, &[52, 12, 5]);
+        a.op(Opcode::Variable, &[51, 30, 12]);
     };
     let body = |a: &mut Assembler| {
-        a.op(Op::AccessChain, &[52, 31, 30, 49]);
-        a.op(Op::AtomicIAdd, &[5, 60, 31, 48, 49, 8]);
+        a.op(Opcode::AccessChain, &[52, 31, 30, 49]);
+        a.op(Opcode::AtomicIAdd, &[5, 60, 31, 48, 49, 8]);
     };
     for (decoration, id) in [(number::NON_WRITABLE, "non-writable"), (number::NON_READABLE, "non-readable")] {
         let decorate = |a: &mut Assembler| {
-            a.op(Op::Decorate, &[30, decoration]);
+            a.op(Opcode::Decorate, &[30, decoration]);
         };
         assert_eq!(broken(&assembled(COMPUTE, decorate, add, body).loaded()), rules([id]));
     }
@@ -177,23 +175,23 @@ fn an_atomic_instruction_reads_and_writes() {
 #[test]
 fn a_pointer_is_followed_through_the_parameters_of_functions() {
     let decorate = |a: &mut Assembler| {
-        a.op(Op::Decorate, &[30, number::NON_WRITABLE]);
+        a.op(Opcode::Decorate, &[30, number::NON_WRITABLE]);
     };
     let declare = |a: &mut Assembler| {
-        a.op(Op::TypePointer, &[52, 12, 5]);
-        a.op(Op::TypeFunction, &[53, 1, 52]);
-        a.op(Op::Variable, &[52, 30, 12]);
+        a.op(Opcode::TypePointer, &[52, 12, 5]);
+        a.op(Opcode::TypeFunction, &[53, 1, 52]);
+        a.op(Opcode::Variable, &[52, 30, 12]);
     };
     let body = |a: &mut Assembler| {
-        a.op(Op::FunctionCall, &[1, 60, 70, 30]);
+        a.op(Opcode::FunctionCall, &[1, 60, 70, 30]);
     };
     let mut a = assembled(COMPUTE, decorate, declare, body);
-    a.op(Op::Function, &[1, 70, 0, 53]);
-    a.op(Op::FunctionParameter, &[52, 71]);
-    a.op(Op::Label, &[72]);
-    a.op(Op::Store, &[71, 8]);
-    a.op(Op::Return, &[]);
-    a.op(Op::FunctionEnd, &[]);
+    a.op(Opcode::Function, &[1, 70, 0, 53]);
+    a.op(Opcode::FunctionParameter, &[52, 71]);
+    a.op(Opcode::Label, &[72]);
+    a.op(Opcode::Store, &[71, 8]);
+    a.op(Opcode::Return, &[]);
+    a.op(Opcode::FunctionEnd, &[]);
     assert_eq!(broken(&a.loaded()), rules(["non-writable"]));
 }
 
@@ -203,7 +201,7 @@ fn hit_attributes_and_records_are_only_read() {
     assert_eq!(with_block(CLOSEST_HIT, storage::HIT_ATTRIBUTE, none, store), rules(["attr-readonly"]));
     assert_eq!(with_block(INTERSECTION, storage::HIT_ATTRIBUTE, none, store), rules([]));
     let copy = |a: &mut Assembler| {
-        a.op(Op::CopyMemory, &[31, 31]);
+        a.op(Opcode::CopyMemory, &[31, 31]);
     };
     assert_eq!(with_block(CLOSEST_HIT, storage::HIT_ATTRIBUTE, none, copy), rules(["attr-readonly"]));
     assert_eq!(with_block(MISS, storage::SHADER_RECORD_BUFFER, block, store), rules(["record-block"]));
@@ -219,11 +217,11 @@ fn only_variables_without_another_source_have_an_initializer() {
         (storage::CALLABLE_DATA, rules(["interface-initializer"])),
     ] {
         let declare = |a: &mut Assembler| {
-            a.op(Op::TypePointer, &[52, class, 5]);
-            a.op(Op::Variable, &[52, 30, class, 8]);
+            a.op(Opcode::TypePointer, &[52, class, 5]);
+            a.op(Opcode::Variable, &[52, 30, class, 8]);
         };
         let body = |a: &mut Assembler| {
-            a.op(Op::Load, &[5, 60, 30]);
+            a.op(Opcode::Load, &[5, 60, 30]);
         };
         assert_eq!(broken(&assembled(RAY_GENERATION, |_| (), declare, body).loaded()), wanted);
     }
@@ -233,17 +231,17 @@ fn only_variables_without_another_source_have_an_initializer() {
 fn locations_stand_on_interfaces() {
     let found = |class: u32, builtin: Option<u32>| {
         let decorate = |a: &mut Assembler| {
-            a.op(Op::Decorate, &[30, number::LOCATION, 0]);
+            a.op(Opcode::Decorate, &[30, number::LOCATION, 0]);
             if let Some(builtin) = builtin {
-                a.op(Op::Decorate, &[30, number::BUILT_IN, builtin]);
+                a.op(Opcode::Decorate, &[30, number::BUILT_IN, builtin]);
             }
         };
         let declare = |a: &mut Assembler| {
-            a.op(Op::TypePointer, &[52, class, 5]);
-            a.op(Op::Variable, &[52, 30, class]);
+            a.op(Opcode::TypePointer, &[52, class, 5]);
+            a.op(Opcode::Variable, &[52, 30, class]);
         };
         let body = |a: &mut Assembler| {
-            a.op(Op::Load, &[5, 60, 30]);
+            a.op(Opcode::Load, &[5, 60, 30]);
         };
         broken(&assembled(RAY_GENERATION, decorate, declare, body).loaded())
     };
@@ -260,15 +258,15 @@ fn fast_math_modes_fit_each_other() {
     const DEFAULT: u32 = 6028;
     let found = |mode: u32, before: fn(&mut Assembler)| {
         let decorate = |a: &mut Assembler| {
-            a.op(Op::ExecutionModeId, &[40, DEFAULT, 6, 48]);
+            a.op(Opcode::ExecutionModeId, &[40, DEFAULT, 6, 48]);
             before(a);
         };
         let declare = |a: &mut Assembler| {
-            a.op(Op::Constant, &[5, 48, mode]);
-            a.op(Op::Constant, &[6, 49, 0]);
+            a.op(Opcode::Constant, &[5, 48, mode]);
+            a.op(Opcode::Constant, &[6, 49, 0]);
         };
         let body = |a: &mut Assembler| {
-            a.op(Op::FAdd, &[6, 60, 49, 49]);
+            a.op(Opcode::FAdd, &[6, 60, 49, 49]);
         };
         broken(&assembled(COMPUTE, decorate, declare, body).loaded())
     };
@@ -276,16 +274,16 @@ fn fast_math_modes_fit_each_other() {
     let broken = rules(["fastmath-modes"]);
     let with: [fn(&mut Assembler); 4] = [
         |a| {
-            a.op(Op::ExecutionMode, &[40, OFF]);
+            a.op(Opcode::ExecutionMode, &[40, OFF]);
         },
         |a| {
-            a.op(Op::ExecutionMode, &[40, PRESERVE, 32]);
+            a.op(Opcode::ExecutionMode, &[40, PRESERVE, 32]);
         },
         |a| {
-            a.op(Op::Decorate, &[60, number::FP_FAST_MATH_MODE, 0x10]);
+            a.op(Opcode::Decorate, &[60, number::FP_FAST_MATH_MODE, 0x10]);
         },
         |a| {
-            a.op(Op::Decorate, &[60, number::FP_FAST_MATH_MODE, 0x3]);
+            a.op(Opcode::Decorate, &[60, number::FP_FAST_MATH_MODE, 0x3]);
         },
     ];
     assert_eq!(found(0x7_0000, none), rules([]));
@@ -297,18 +295,18 @@ fn fast_math_modes_fit_each_other() {
 fn the_component_of_a_gather_is_a_constant() {
     let found = |component: u32| {
         let declare = |a: &mut Assembler| {
-            a.op(Op::TypeImage, &[80, 6, 1, 0, 0, 0, 1, 0]);
-            a.op(Op::TypeSampledImage, &[81, 80]);
-            a.op(Op::TypePointer, &[82, 0, 81]);
-            a.op(Op::Variable, &[82, 30, 0]);
-            a.op(Op::TypeVector, &[83, 6, 4]);
-            a.op(Op::TypeVector, &[84, 6, 2]);
-            a.op(Op::ConstantNull, &[84, 85]);
+            a.op(Opcode::TypeImage, &[80, 6, 1, 0, 0, 0, 1, 0]);
+            a.op(Opcode::TypeSampledImage, &[81, 80]);
+            a.op(Opcode::TypePointer, &[82, 0, 81]);
+            a.op(Opcode::Variable, &[82, 30, 0]);
+            a.op(Opcode::TypeVector, &[83, 6, 4]);
+            a.op(Opcode::TypeVector, &[84, 6, 2]);
+            a.op(Opcode::ConstantNull, &[84, 85]);
         };
         let body = |a: &mut Assembler| {
-            a.op(Op::Load, &[81, 60, 30]);
-            a.op(Op::IAdd, &[5, 62, 8, 8]);
-            a.op(Op::ImageGather, &[83, 61, 60, 85, component]);
+            a.op(Opcode::Load, &[81, 60, 30]);
+            a.op(Opcode::IAdd, &[5, 62, 8, 8]);
+            a.op(Opcode::ImageGather, &[83, 61, 60, 85, component]);
         };
         broken(&assembled(COMPUTE, |_| (), declare, body).loaded())
     };
@@ -320,18 +318,18 @@ fn the_component_of_a_gather_is_a_constant() {
 fn a_texel_without_samples_is_pointed_to_with_sample_zero() {
     let found = |multisampled: u32, sample: u32| {
         let declare = |a: &mut Assembler| {
-            a.op(Op::Constant, &[5, 47, 0]);
-            a.op(Op::Constant, &[5, 48, 1]);
-            a.op(Op::TypeImage, &[80, 5, 1, 0, 0, multisampled, 2, 33]);
-            a.op(Op::TypePointer, &[82, 0, 80]);
-            a.op(Op::Variable, &[82, 30, 0]);
-            a.op(Op::TypeVector, &[83, 5, 2]);
-            a.op(Op::ConstantNull, &[83, 84]);
+            a.op(Opcode::Constant, &[5, 47, 0]);
+            a.op(Opcode::Constant, &[5, 48, 1]);
+            a.op(Opcode::TypeImage, &[80, 5, 1, 0, 0, multisampled, 2, 33]);
+            a.op(Opcode::TypePointer, &[82, 0, 80]);
+            a.op(Opcode::Variable, &[82, 30, 0]);
+            a.op(Opcode::TypeVector, &[83, 5, 2]);
+            a.op(Opcode::ConstantNull, &[83, 84]);
             // Image
-            a.op(Op::TypePointer, &[85, 11, 5]);
+            a.op(Opcode::TypePointer, &[85, 11, 5]);
         };
         let body = |a: &mut Assembler| {
-            a.op(Op::ImageTexelPointer, &[85, 61, 30, 84, sample]);
+            a.op(Opcode::ImageTexelPointer, &[85, 61, 30, 84, sample]);
         };
         broken(&assembled(COMPUTE, |_| (), declare, body).loaded())
     };
@@ -347,34 +345,37 @@ fn the_offset_of_a_sampled_texel_is_a_constant() {
     const GRAD: u32 = 0x4;
     const CONST_OFFSET: u32 = 0x8;
     const OFFSET: u32 = 0x10;
-    let found = |opcode: Op, operands: &[u32]| {
+    let found = |opcode: Opcode, operands: &[u32]| {
         let declare = |a: &mut Assembler| {
-            a.op(Op::TypeImage, &[80, 6, 1, 0, 0, 0, 1, 0]);
-            a.op(Op::TypeSampledImage, &[81, 80]);
-            a.op(Op::TypePointer, &[82, 0, 81]);
-            a.op(Op::Variable, &[82, 30, 0]);
-            a.op(Op::TypeVector, &[83, 6, 4]);
-            a.op(Op::TypeVector, &[84, 6, 2]);
-            a.op(Op::ConstantNull, &[84, 85]);
-            a.op(Op::ConstantNull, &[6, 86]);
-            a.op(Op::TypeVector, &[87, 4, 2]);
-            a.op(Op::ConstantNull, &[87, 88]);
+            a.op(Opcode::TypeImage, &[80, 6, 1, 0, 0, 0, 1, 0]);
+            a.op(Opcode::TypeSampledImage, &[81, 80]);
+            a.op(Opcode::TypePointer, &[82, 0, 81]);
+            a.op(Opcode::Variable, &[82, 30, 0]);
+            a.op(Opcode::TypeVector, &[83, 6, 4]);
+            a.op(Opcode::TypeVector, &[84, 6, 2]);
+            a.op(Opcode::ConstantNull, &[84, 85]);
+            a.op(Opcode::ConstantNull, &[6, 86]);
+            a.op(Opcode::TypeVector, &[87, 4, 2]);
+            a.op(Opcode::ConstantNull, &[87, 88]);
         };
         let body = |a: &mut Assembler| {
-            a.op(Op::Load, &[81, 60, 30]);
-            a.op(Op::IAdd, &[87, 62, 88, 88]);
+            a.op(Opcode::Load, &[81, 60, 30]);
+            a.op(Opcode::IAdd, &[87, 62, 88, 88]);
             a.op(opcode, &[&[83, 61, 60, 85], operands].concat());
         };
         broken(&assembled(COMPUTE, |_| (), declare, body).loaded())
     };
-    let sample = Op::ImageSampleExplicitLod;
+    let sample = Opcode::ImageSampleExplicitLod;
     assert_eq!(found(sample, &[LOD | CONST_OFFSET, 86, 88]), rules([]));
     assert_eq!(found(sample, &[LOD | OFFSET, 86, 88]), rules([]));
     assert_eq!(found(sample, &[LOD | OFFSET, 86, 62]), rules(["image-offset"]));
     assert_eq!(found(sample, &[GRAD | OFFSET, 85, 85, 62]), rules(["image-offset"]));
-    assert_eq!(found(Op::ImageSampleDrefExplicitLod, &[86, LOD | OFFSET, 86, 62]), rules(["image-offset"]));
+    assert_eq!(
+        found(Opcode::ImageSampleDrefExplicitLod, &[86, LOD | OFFSET, 86, 62]),
+        rules(["image-offset"])
+    );
     // Gathers take any offset.
-    assert_eq!(found(Op::ImageDrefGather, &[86, OFFSET, 62]), rules([]));
+    assert_eq!(found(Opcode::ImageDrefGather, &[86, OFFSET, 62]), rules([]));
 }
 
 #[test]
@@ -382,31 +383,31 @@ fn addresses_are_converted_to_and_from_64_bits() {
     let found = |convert: fn(&mut Assembler)| {
         let mut a = Assembler::bare(1000);
         // Shader, Int64, PhysicalStorageBufferAddresses
-        [1, 11, 5347].into_iter().for_each(|capability| _ = a.op(Op::Capability, &[capability]));
-        a.op(Op::MemoryModel, &[5348, 1]);
-        a.with_string(Op::EntryPoint, &[COMPUTE, 40], "main", &[]);
+        [1, 11, 5347].into_iter().for_each(|capability| _ = a.op(Opcode::Capability, &[capability]));
+        a.op(Opcode::MemoryModel, &[5348, 1]);
+        a.with_string(Opcode::EntryPoint, &[COMPUTE, 40], "main", &[]);
         a.types();
-        a.op(Op::TypeInt, &[50, 64, 0]);
-        a.op(Op::TypePointer, &[51, 5349, 5]);
-        a.op(Op::ConstantNull, &[50, 52]);
+        a.op(Opcode::TypeInt, &[50, 64, 0]);
+        a.op(Opcode::TypePointer, &[51, 5349, 5]);
+        a.op(Opcode::ConstantNull, &[50, 52]);
         a.function(40, 41, |a| {
             convert(a);
-            a.op(Op::Return, &[]);
+            a.op(Opcode::Return, &[]);
         });
         broken(&a.loaded())
     };
     let both_ways = |a: &mut Assembler| {
-        a.op(Op::ConvertUToPtr, &[51, 60, 52]);
-        a.op(Op::ConvertPtrToU, &[50, 61, 60]);
+        a.op(Opcode::ConvertUToPtr, &[51, 60, 52]);
+        a.op(Opcode::ConvertPtrToU, &[50, 61, 60]);
     };
     assert_eq!(found(both_ways), rules([]));
     let from_narrow = |a: &mut Assembler| {
-        a.op(Op::ConvertUToPtr, &[51, 60, 8]);
+        a.op(Opcode::ConvertUToPtr, &[51, 60, 8]);
     };
     assert_eq!(found(from_narrow), rules(["pointer-convert"]));
     let to_narrow = |a: &mut Assembler| {
-        a.op(Op::ConvertUToPtr, &[51, 60, 52]);
-        a.op(Op::ConvertPtrToU, &[5, 61, 60]);
+        a.op(Opcode::ConvertUToPtr, &[51, 60, 52]);
+        a.op(Opcode::ConvertPtrToU, &[5, 61, 60]);
     };
     assert_eq!(found(to_narrow), rules(["pointer-convert"]));
 }
@@ -415,18 +416,18 @@ fn addresses_are_converted_to_and_from_64_bits() {
 fn with_the_vulkan_memory_model_loads_of_changing_builtins_are_volatile() {
     let found = |stage: u32, access: &[u32]| {
         let mut a = Assembler::bare(1000);
-        a.op(Op::Capability, &[1]);
-        a.op(Op::Capability, &[5345]);
-        a.op(Op::MemoryModel, &[0, 3]);
-        a.with_string(Op::EntryPoint, &[stage, 40], "main", &[30]);
+        a.op(Opcode::Capability, &[1]);
+        a.op(Opcode::Capability, &[5345]);
+        a.op(Opcode::MemoryModel, &[0, 3]);
+        a.with_string(Opcode::EntryPoint, &[stage, 40], "main", &[30]);
         // SubgroupLocalInvocationId
-        a.op(Op::Decorate, &[30, number::BUILT_IN, 41]);
+        a.op(Opcode::Decorate, &[30, number::BUILT_IN, 41]);
         a.types();
-        a.op(Op::TypePointer, &[52, 1, 5]);
-        a.op(Op::Variable, &[52, 30, 1]);
+        a.op(Opcode::TypePointer, &[52, 1, 5]);
+        a.op(Opcode::Variable, &[52, 30, 1]);
         a.function(40, 41, |a| {
-            a.op(Op::Load, &[&[5, 60, 30], access].concat());
-            a.op(Op::Return, &[]);
+            a.op(Opcode::Load, &[&[5, 60, 30], access].concat());
+            a.op(Opcode::Return, &[]);
         });
         broken(&a.loaded())
     };
@@ -436,22 +437,22 @@ fn with_the_vulkan_memory_model_loads_of_changing_builtins_are_volatile() {
 }
 
 /// The rules that a barrier or atomic instruction breaks.
-fn ordered(stage: u32, opcode: Op, scope: u32, semantics: &[u32]) -> SortedSet<&'static str> {
+fn ordered(stage: u32, opcode: Opcode, scope: u32, semantics: &[u32]) -> SortedSet<&'static str> {
     let declare = |a: &mut Assembler| {
-        a.op(Op::Constant, &[5, 49, scope]);
+        a.op(Opcode::Constant, &[5, 49, scope]);
         for (at, &bits) in semantics.iter().enumerate() {
-            a.op(Op::Constant, &[5, 50 + at as u32, bits]);
+            a.op(Opcode::Constant, &[5, 50 + at as u32, bits]);
         }
-        a.op(Op::TypePointer, &[60, 12, 5]);
-        a.op(Op::Variable, &[60, 30, 12]);
+        a.op(Opcode::TypePointer, &[60, 12, 5]);
+        a.op(Opcode::Variable, &[60, 30, 12]);
     };
     let body = |a: &mut Assembler| {
         match opcode {
-            Op::MemoryBarrier => a.op(opcode, &[49, 50]),
-            Op::ControlBarrier => a.op(opcode, &[49, 49, 50]),
-            Op::AtomicLoad => a.op(opcode, &[5, 70, 30, 49, 50]),
-            Op::AtomicStore => a.op(opcode, &[30, 49, 50, 8]),
-            Op::AtomicCompareExchange => a.op(opcode, &[5, 70, 30, 49, 50, 51, 8, 8]),
+            Opcode::MemoryBarrier => a.op(opcode, &[49, 50]),
+            Opcode::ControlBarrier => a.op(opcode, &[49, 49, 50]),
+            Opcode::AtomicLoad => a.op(opcode, &[5, 70, 30, 49, 50]),
+            Opcode::AtomicStore => a.op(opcode, &[30, 49, 50, 8]),
+            Opcode::AtomicCompareExchange => a.op(opcode, &[5, 70, 30, 49, 50, 51, 8, 8]),
             _ => a.op(opcode, &[5, 70, 30, 49, 50, 8]),
         };
     };
@@ -469,26 +470,26 @@ fn semantics_have_an_order_and_a_class_or_neither() {
     const AVAILABLE: u32 = 0x2000;
     const VISIBLE: u32 = 0x4000;
     const VOLATILE: u32 = 0x8000;
-    let found = |opcode: Op, semantics: &[u32]| !ordered(COMPUTE, opcode, 1, semantics).is_empty();
+    let found = |opcode: Opcode, semantics: &[u32]| !ordered(COMPUTE, opcode, 1, semantics).is_empty();
     for (opcode, semantics, breaks) in [
-        (Op::MemoryBarrier, BOTH | UNIFORM, false),
-        (Op::MemoryBarrier, ACQUIRE | RELEASE | UNIFORM, true),
-        (Op::MemoryBarrier, SEQUENTIAL | UNIFORM, true),
-        (Op::MemoryBarrier, 0, true),
-        (Op::MemoryBarrier, BOTH, true),
-        (Op::ControlBarrier, 0, false),
-        (Op::ControlBarrier, UNIFORM, true),
-        (Op::ControlBarrier, BOTH | UNIFORM | VOLATILE, true),
-        (Op::AtomicIAdd, 0, false),
-        (Op::AtomicIAdd, ACQUIRE, true),
-        (Op::AtomicIAdd, RELEASE | UNIFORM | AVAILABLE, false),
-        (Op::AtomicIAdd, ACQUIRE | UNIFORM | AVAILABLE, true),
-        (Op::AtomicIAdd, RELEASE | UNIFORM | VISIBLE, true),
-        (Op::AtomicIAdd, VOLATILE, false),
-        (Op::AtomicStore, RELEASE | UNIFORM, false),
-        (Op::AtomicStore, BOTH | UNIFORM, true),
-        (Op::AtomicLoad, ACQUIRE | UNIFORM, false),
-        (Op::AtomicLoad, RELEASE | UNIFORM, true),
+        (Opcode::MemoryBarrier, BOTH | UNIFORM, false),
+        (Opcode::MemoryBarrier, ACQUIRE | RELEASE | UNIFORM, true),
+        (Opcode::MemoryBarrier, SEQUENTIAL | UNIFORM, true),
+        (Opcode::MemoryBarrier, 0, true),
+        (Opcode::MemoryBarrier, BOTH, true),
+        (Opcode::ControlBarrier, 0, false),
+        (Opcode::ControlBarrier, UNIFORM, true),
+        (Opcode::ControlBarrier, BOTH | UNIFORM | VOLATILE, true),
+        (Opcode::AtomicIAdd, 0, false),
+        (Opcode::AtomicIAdd, ACQUIRE, true),
+        (Opcode::AtomicIAdd, RELEASE | UNIFORM | AVAILABLE, false),
+        (Opcode::AtomicIAdd, ACQUIRE | UNIFORM | AVAILABLE, true),
+        (Opcode::AtomicIAdd, RELEASE | UNIFORM | VISIBLE, true),
+        (Opcode::AtomicIAdd, VOLATILE, false),
+        (Opcode::AtomicStore, RELEASE | UNIFORM, false),
+        (Opcode::AtomicStore, BOTH | UNIFORM, true),
+        (Opcode::AtomicLoad, ACQUIRE | UNIFORM, false),
+        (Opcode::AtomicLoad, RELEASE | UNIFORM, true),
     ] {
         assert_eq!(found(opcode, &[semantics]), breaks, "{opcode:?} {semantics:#x}");
     }
@@ -501,14 +502,14 @@ fn semantics_have_an_order_and_a_class_or_neither() {
         (BOTH | UNIFORM, ACQUIRE | UNIFORM | VISIBLE, true),
         (VOLATILE, 0, true),
     ] {
-        let found = found(Op::AtomicCompareExchange, &[equal, unequal]);
+        let found = found(Opcode::AtomicCompareExchange, &[equal, unequal]);
         assert_eq!(found, breaks, "{equal:#x} {unequal:#x}");
     }
 }
 
 #[test]
 fn scopes_are_those_of_the_stage() {
-    let add = |stage: u32, scope: u32| ordered(stage, Op::AtomicIAdd, scope, &[0]);
+    let add = |stage: u32, scope: u32| ordered(stage, Opcode::AtomicIAdd, scope, &[0]);
     // Device, Workgroup, Subgroup, Invocation, ShaderCallKHR
     for (scope, compute, rays) in [
         (1, true, true),
@@ -524,15 +525,15 @@ fn scopes_are_those_of_the_stage() {
     }
     // QueueFamily
     assert_eq!(add(COMPUTE, 5), rules(["memory-scope"]));
-    assert_eq!(ordered(COMPUTE, Op::AtomicIAdd, 4, &[0x48]), rules(["invocation-scope"]));
-    assert_eq!(ordered(COMPUTE, Op::MemoryBarrier, 4, &[0x48]), rules(["invocation-scope"]));
+    assert_eq!(ordered(COMPUTE, Opcode::AtomicIAdd, 4, &[0x48]), rules(["invocation-scope"]));
+    assert_eq!(ordered(COMPUTE, Opcode::MemoryBarrier, 4, &[0x48]), rules(["invocation-scope"]));
 }
 
 #[test]
 fn atomic_instructions_access_what_several_invocations_reach() {
     let add = |a: &mut Assembler| {
         // Of scope Subgroup, and relaxed.
-        a.op(Op::AtomicIAdd, &[5, 60, 31, 8, 49, 8]);
+        a.op(Opcode::AtomicIAdd, &[5, 60, 31, 8, 49, 8]);
     };
     assert_eq!(with_block(COMPUTE, storage::STORAGE_BUFFER, block, add), rules([]));
     assert_eq!(with_block(COMPUTE, storage::WORKGROUP, |_| (), add), rules([]));
@@ -544,30 +545,30 @@ fn structures_are_loaded_from_descriptors() {
     let found = |class: Option<u32>| {
         let mut a = Assembler::bare(1000);
         for capability in [1, 4472] {
-            a.op(Op::Capability, &[capability]);
+            a.op(Opcode::Capability, &[capability]);
         }
-        a.op(Op::MemoryModel, &[0, 1]);
-        a.with_string(Op::EntryPoint, &[COMPUTE, 40], "main", &[]);
+        a.op(Opcode::MemoryModel, &[0, 1]);
+        a.with_string(Opcode::EntryPoint, &[COMPUTE, 40], "main", &[]);
         a.types();
-        a.op(Op::TypeAccelerationStructureKHR, &[50]);
-        a.op(Op::TypeRayQueryKHR, &[51]);
-        a.op(Op::TypePointer, &[52, storage::PRIVATE, 51]);
-        a.op(Op::Variable, &[52, 30, storage::PRIVATE]);
+        a.op(Opcode::TypeAccelerationStructureKHR, &[50]);
+        a.op(Opcode::TypeRayQueryKHR, &[51]);
+        a.op(Opcode::TypePointer, &[52, storage::PRIVATE, 51]);
+        a.op(Opcode::Variable, &[52, 30, storage::PRIVATE]);
         match class {
             None => {
-                a.op(Op::Undef, &[50, 60]);
+                a.op(Opcode::Undef, &[50, 60]);
             }
             Some(class) => {
-                a.op(Op::TypePointer, &[53, class, 50]);
-                a.op(Op::Variable, &[53, 31, class]);
+                a.op(Opcode::TypePointer, &[53, class, 50]);
+                a.op(Opcode::Variable, &[53, 31, class]);
             }
         }
         a.function(40, 41, |a| {
             if class.is_some() {
-                a.op(Op::Load, &[50, 60, 31]);
+                a.op(Opcode::Load, &[50, 60, 31]);
             }
-            a.op(Op::RayQueryInitializeKHR, &[30, 60, 8, 8, 8, 8, 8, 8]);
-            a.op(Op::Return, &[]);
+            a.op(Opcode::RayQueryInitializeKHR, &[30, 60, 8, 8, 8, 8, 8, 8]);
+            a.op(Opcode::Return, &[]);
         });
         broken(&a.loaded())
     };
@@ -580,11 +581,11 @@ fn structures_are_loaded_from_descriptors() {
 fn a_hint_has_the_bits_that_it_says() {
     let found = |hint: u32, bits: u32| {
         let declare = |a: &mut Assembler| {
-            a.op(Op::Constant, &[5, 50, hint]);
-            a.op(Op::Constant, &[5, 51, bits]);
+            a.op(Opcode::Constant, &[5, 50, hint]);
+            a.op(Opcode::Constant, &[5, 51, bits]);
         };
         let body = |a: &mut Assembler| {
-            a.op(Op::ReorderThreadWithHintEXT, &[50, 51]);
+            a.op(Opcode::ReorderThreadWithHintEXT, &[50, 51]);
         };
         broken(&assembled(RAY_GENERATION, |_| (), declare, body).loaded())
     };

@@ -1,15 +1,15 @@
 //! Rules about builtins that change while a shader runs: their variables are Volatile, or each
 //! load.
 
-use rspirv::spirv::{MemoryAccess, Op};
+use rspirv::spirv::MemoryAccess;
 
 use crate::module_checks::Fault;
 use crate::module_checks::code::{EntryCode, Part};
 use crate::module_checks::memory::offset_of;
-use anyhit_engine::module::Id;
 use anyhit_engine::module::decoration::number;
 use anyhit_engine::module::interface::Stage;
 use anyhit_engine::module::names::builtin_name;
+use anyhit_engine::module::{Id, Opcode};
 
 /// `RayTmaxKHR`
 const RAY_T_MAX: u32 = 5326;
@@ -55,7 +55,7 @@ pub(super) fn volatile_load(code: &EntryCode<'_>, faults: &mut Vec<Fault>) {
     };
     for (opcode, instruction, operands) in code.known() {
         let is_volatile = operands.get(1).is_some_and(|mask| mask & MemoryAccess::VOLATILE.bits() != 0);
-        if opcode != Op::Load || is_volatile {
+        if opcode != Opcode::Load || is_volatile {
             continue;
         }
         let builtin = code.parts(Id(operands[0])).into_iter().find_map(|part| match part {

@@ -1,11 +1,10 @@
 //! Floats that count the turns of a loop: sums of a variable and a step that is the same in all
 //! turns, which are stored to the variable again, and compared.
 
-use rspirv::spirv::Op as Opcode;
 use rustc_hash::{FxHashMap, FxHashSet};
 
 use crate::flushed_use::comparison;
-use anyhit_engine::module::{BasicBlock, Definition, Id, Instruction, Instructions, Module};
+use anyhit_engine::module::{BasicBlock, Definition, Id, Instruction, Instructions, Module, Opcode};
 
 /// A sum that counts the turns of a loop.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -21,7 +20,7 @@ pub(super) fn float_counters(module: &Module) -> FxHashMap<u32, FloatCounter> {
     let mut counters = FxHashMap::default();
     for function in &module.functions {
         for (at, header) in function.blocks.iter().enumerate() {
-            let merge = header.instructions.iter().find(|one| one.opcode == Opcode::LoopMerge as u16);
+            let merge = header.instructions.iter().find(|one| one.opcode == Opcode::LoopMerge);
             let Some(&merge) = merge.and_then(|merge| module.operands(merge).first()) else { continue };
             let after = function.blocks[at..].iter().position(|block| block.label == Id(merge));
             let end = after.map_or(function.blocks.len(), |after| at + after);
@@ -51,11 +50,11 @@ impl<'a> Loop<'a> {
         let mut own = Self { module, instructions, results, stored, compared };
         for instruction in own.instructions.clone() {
             let operands = module.operands(instruction);
-            match (Opcode::from_u32(instruction.opcode.into()), operands) {
-                (Some(Opcode::Store), &[pointer, object, ..]) => {
+            match (instruction.opcode, operands) {
+                (Opcode::Store, &[pointer, object, ..]) => {
                     own.stored.entry(Id(pointer)).or_default().push(Id(object));
                 }
-                (Some(opcode), &[a, b]) if comparison(opcode).is_some() => {
+                (opcode, &[a, b]) if comparison(opcode).is_some() => {
                     own.compared.extend([a, b].map(|id| own.loaded(Id(id)).unwrap_or(Id(id))));
                 }
                 _ => {}
@@ -66,21 +65,19 @@ impl<'a> Loop<'a> {
 
     /// The pointer that a value of the loop is loaded from.
     fn loaded(&self, id: Id) -> Option<Id> {
-        let load = self.results.get(&id).filter(|one| one.opcode == Opcode::Load as u16)?;
+        let load = self.results.get(&id).filter(|one| one.opcode == Opcode::Load)?;
         self.module.operands(load).first().map(|&pointer| Id(pointer))
     }
 
     fn add_counters(&self, counters: &mut FxHashMap<u32, FloatCounter>) {
         for instruction in &self.instructions {
-            let (Some(Opcode::FAdd | Opcode::FSub), &[a, b], Some(result)) = (
-                Opcode::from_u32(instruction.opcode.into()),
-                self.module.operands(instruction),
-                instruction.result,
-            ) else {
+            let (Opcode::FAdd | Opcode::FSub, &[a, b], Some(result)) =
+                (instruction.opcode, self.module.operands(instruction), instruction.result)
+            else {
                 continue;
             };
             for (operand, [value, step]) in [[a, b], [b, a]].into_iter().enumerate() {
-                let is_difference = instruction.opcode == Opcode::FSub as u16;
+                let is_difference = instruction.opcode == Opcode::FSub;
                 if is_difference && operand == 1 || !self.is_invariant(Id(step)) {
                     continue;
                 }
@@ -97,7 +94,7 @@ impl<'a> Loop<'a> {
         if let Some(pointer) = self.loaded(value) {
             return self.stored.get(&pointer)?.contains(&sum).then_some(pointer);
         }
-        let phi = self.results.get(&value).filter(|one| one.opcode == Opcode::Phi as u16)?;
+        let phi = self.results.get(&value).filter(|one| one.opcode == Opcode::Phi)?;
         self.module.operands(phi).contains(&sum.0).then_some(value)
     }
 

@@ -1,13 +1,13 @@
 //! What an operation on floats is promised, what the shader declares of NaN, infinity and subnormal
 //! numbers, and where a subnormal number decides.
 
-use rspirv::spirv::{ExecutionMode, FPFastMathMode, Op as Opcode};
+use rspirv::spirv::{ExecutionMode, FPFastMathMode};
 
 use crate::flushed_use::{FlushedUse, comparison};
 use crate::operand_check::CheckedInstruction;
 use crate::plan::instruction::{InstructionWords, scalar_width};
 use anyhit_engine::module::decoration::number;
-use anyhit_engine::module::{Id, Module};
+use anyhit_engine::module::{Id, Module, Opcode};
 use anyhit_engine::ops::arithmetic::FDiv;
 use anyhit_engine::ops::lane_kernel::{InstructionSet, LaneKernel, family};
 use anyhit_engine::program::Program;
@@ -35,7 +35,7 @@ impl FastMath {
         let Some(mode) = mode.map(FPFastMathMode::from_bits_retain) else { return Self::default() };
         let own = match instruction.known(module) {
             Some(CheckedInstruction::Core(opcode)) => {
-                is_sum_of_products(opcode) || is_family_of(InstructionSet::Core, opcode as u32, kernel)
+                is_sum_of_products(opcode) || is_family_of(InstructionSet::Core, opcode.0.into(), kernel)
             }
             Some(CheckedInstruction::Glsl(number)) => {
                 is_family_of(InstructionSet::Glsl, number as u32, kernel)
@@ -113,7 +113,7 @@ impl Preserved {
     /// Whether the test for NaN or infinity of a float of a width gives what it says.
     pub(super) fn tests(&self, module: &Module, instruction: InstructionWords<'_>, width: u32) -> bool {
         let ignored = match instruction.opcode {
-            Some(Opcode::IsNan) => FPFastMathMode::NOT_NAN,
+            Opcode::IsNan => FPFastMathMode::NOT_NAN,
             _ => FPFastMathMode::NOT_INF,
         };
         self.honours(module, instruction, width, ignored)
@@ -148,7 +148,7 @@ impl Preserved {
         if self.subnormals.contains(&kernel.float_operands[1]) {
             return None;
         }
-        match instruction.opcode? {
+        match instruction.opcode {
             Opcode::FDiv if kernel.is(&FDiv) => Some(FlushedUse::Divisor),
             opcode => comparison(opcode),
         }

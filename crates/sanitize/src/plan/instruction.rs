@@ -1,16 +1,16 @@
 //! The instruction that an operation comes from, as its words stand in the module.
 
-use rspirv::spirv::{GlslStd450Op, Op as Opcode};
+use rspirv::spirv::GlslStd450Op;
 
 use crate::operand_check::CheckedInstruction;
 use anyhit_engine::module::ty::{Type, TypeId};
-use anyhit_engine::module::{Definition, Id, Module};
+use anyhit_engine::module::{Definition, Id, Module, Opcode};
 
 /// The words of an instruction of a module.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct InstructionWords<'m> {
-    /// The opcode, if it is known.
-    pub opcode: Option<Opcode>,
+    /// The opcode; `OpNop` where the offset is that of no instruction.
+    pub opcode: Opcode,
     /// All words, the first of which has the opcode.
     pub words: &'m [u32],
 }
@@ -20,19 +20,19 @@ impl<'m> InstructionWords<'m> {
     pub(crate) fn at(module: &'m Module, offset: u32) -> Self {
         let words = module.words.get(offset as usize..).unwrap_or_default();
         let count = words.first().map_or(0, |head| (head >> 16) as usize);
-        let opcode = words.first().and_then(|head| Opcode::from_u32(head & 0xFFFF));
+        let opcode = words.first().map_or(Opcode::Nop, |&head| Opcode::of_word(head));
         Self { opcode, words: words.get(..count).unwrap_or_default() }
     }
 
     /// Of an `OpSpecConstantOp`, the instruction with the opcode of its operation, which follows
     /// the result and precedes the operands.
     pub(super) fn computed_constant(self) -> Self {
-        Self { opcode: self.words.get(3).and_then(|&opcode| Opcode::from_u32(opcode)), ..self }
+        Self { opcode: self.words.get(3).map_or(Opcode::Nop, |&opcode| Opcode::of_word(opcode)), ..self }
     }
 
     /// The instruction, where checks can be about it.
     pub(super) fn known(&self, module: &Module) -> Option<CheckedInstruction> {
-        match (self.opcode?, self.words) {
+        match (self.opcode, self.words) {
             (Opcode::ExtInst, &[_, _, _, set, number, ..]) => match module.definition(Id(set))? {
                 Definition::InstructionSet(at) if module.instruction_sets[at as usize] == "GLSL.std.450" => {
                     GlslStd450Op::from_u32(number).map(CheckedInstruction::Glsl)
@@ -51,7 +51,7 @@ impl<'m> InstructionWords<'m> {
 
     /// The variable that it declares, if it is `OpVariable`.
     pub(super) fn variable(&self) -> Option<Id> {
-        match (self.opcode?, self.words) {
+        match (self.opcode, self.words) {
             (Opcode::Variable, &[_, _, result, ..]) => Some(Id(result)),
             _ => None,
         }

@@ -2,12 +2,10 @@
 //! nearest hit so far, the clock of a subgroup. Where such values come from, and which operations
 //! need them to be true.
 
-use rspirv::spirv::Op as Opcode;
-
 use crate::plan::instruction::InstructionWords;
 use anyhit_engine::machine::Reg;
 use anyhit_engine::module::interface::Stage;
-use anyhit_engine::module::{Id, Module};
+use anyhit_engine::module::{Id, Module, Opcode};
 use anyhit_engine::ops::op::Op;
 use anyhit_engine::ops::subgroup::{BallotCount, ReadSource, SubgroupKind, SubgroupOp};
 use anyhit_engine::program::Program;
@@ -74,9 +72,7 @@ pub(super) fn reads_clock(module: &Module, offset: u32) -> bool {
     const SUBGROUP: u64 = 3;
     let instruction = InstructionWords::at(module, offset);
     match (instruction.opcode, instruction.words) {
-        (Some(Opcode::ReadClockKHR), &[_, _, _, scope, ..]) => {
-            module.scalar_value(Id(scope)) == Some(SUBGROUP)
-        }
+        (Opcode::ReadClockKHR, &[_, _, _, scope, ..]) => module.scalar_value(Id(scope)) == Some(SUBGROUP),
         _ => false,
     }
 }

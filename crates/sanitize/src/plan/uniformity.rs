@@ -4,7 +4,6 @@
 
 use std::cell::OnceCell;
 
-use rspirv::spirv::Op as Opcode;
 use rustc_hash::{FxHashMap, FxHashSet};
 
 use crate::plan::instruction::InstructionWords;
@@ -12,7 +11,7 @@ use anyhit_engine::machine::Reg;
 use anyhit_engine::machine::object::ObjectRef;
 use anyhit_engine::module::decoration::number;
 use anyhit_engine::module::ty::{Type, TypeId};
-use anyhit_engine::module::{Definition, Id, Module};
+use anyhit_engine::module::{Definition, Id, Module, Opcode};
 use anyhit_engine::ops::memory::{BufferRef, Chunk};
 use anyhit_engine::ops::op::Op;
 use anyhit_engine::ops::pointer::storage;
@@ -99,9 +98,9 @@ impl<'a> UniformityPlan<'a> {
         }
         if let Some(index) = hit_object_index(op) {
             let pointer = hit_object_operand(&self.program.module, instruction)?;
-            let is_element = self.definition(pointer).is_some_and(|made| {
-                matches!(made.opcode, Some(Opcode::AccessChain | Opcode::InBoundsAccessChain))
-            });
+            let is_element = self
+                .definition(pointer)
+                .is_some_and(|made| matches!(made.opcode, Opcode::AccessChain | Opcode::InBoundsAccessChain));
             let must = is_element && self.source(pointer, |id| self.is_non_uniform(id)).is_none();
             if must {
                 return Some(Uniformity::HitObjects(index));
@@ -131,7 +130,7 @@ impl<'a> UniformityPlan<'a> {
     /// The image or sampler that `OpSampledImage` makes an operand of; any other operand itself.
     fn half_of_sampled_image(&self, operand: Id, half: usize) -> Id {
         let definition = self.definition(operand);
-        let made = definition.filter(|made| made.opcode == Some(Opcode::SampledImage));
+        let made = definition.filter(|made| made.opcode == Opcode::SampledImage);
         made.and_then(|made| made.words.get(3 + half)).map_or(operand, |&id| Id(id))
     }
 
@@ -156,7 +155,7 @@ impl<'a> UniformityPlan<'a> {
         let module = &self.program.module;
         let mut ty = module.type_of(operand)?;
         if let Some(texel) = self.definition(operand)
-            && texel.opcode == Some(Opcode::ImageTexelPointer)
+            && texel.opcode == Opcode::ImageTexelPointer
         {
             ty = module.pointee(Id(*texel.words.get(3)?))?;
         }
@@ -182,7 +181,7 @@ impl<'a> UniformityPlan<'a> {
     fn root(&self, pointer: Id) -> Id {
         let mut at = pointer;
         while let Some(chain) = self.definition(at)
-            && matches!(chain.opcode, Some(Opcode::AccessChain | Opcode::InBoundsAccessChain))
+            && matches!(chain.opcode, Opcode::AccessChain | Opcode::InBoundsAccessChain)
             && let Some(&base) = chain.words.get(3)
         {
             at = Id(base);
@@ -238,10 +237,9 @@ impl<'a> UniformityPlan<'a> {
             }
         }
         let Some(instruction) = self.definition(id) else { return };
-        let Some(opcode) = instruction.opcode else { return };
         use Opcode as O;
         let operands = instruction.words.get(3..).unwrap_or_default();
-        let ids = match opcode {
+        let ids = match instruction.opcode {
             O::Load | O::Image | O::CompositeExtract | O::ImageTexelPointer => {
                 operands.get(..1).unwrap_or_default()
             }
@@ -250,6 +248,7 @@ impl<'a> UniformityPlan<'a> {
             | O::PtrAccessChain
             | O::SampledImage
             | O::CopyObject
+            | O::FreezeKHR
             | O::Bitcast
             | O::UConvert
             | O::SConvert
@@ -275,7 +274,7 @@ impl<'a> UniformityPlan<'a> {
         let mut arrays = false;
         let mut at = pointer;
         while let Some(chain) = self.definition(at) {
-            let (Some(Opcode::AccessChain | Opcode::InBoundsAccessChain), Some((&base, indices))) =
+            let (Opcode::AccessChain | Opcode::InBoundsAccessChain, Some((&base, indices))) =
                 (chain.opcode, chain.words.get(3..).and_then(<[u32]>::split_first))
             else {
                 return false;
@@ -318,17 +317,17 @@ impl Uses {
         while (offset as usize) < module.words.len() {
             let instruction = InstructionWords::at(module, offset);
             match (instruction.opcode, instruction.words) {
-                (Some(Opcode::Store), &[_, pointer, object, ..]) => {
+                (Opcode::Store, &[_, pointer, object, ..]) => {
                     uses.stored.entry(Id(pointer)).or_default().push(Id(object));
                 }
-                (Some(Opcode::FunctionCall), &[_, _, _, function, ..]) => {
+                (Opcode::FunctionCall, &[_, _, _, function, ..]) => {
                     uses.calls.entry(Id(function)).or_default().push(offset);
                 }
                 _ => {}
             }
             // Variables are no more than what is stored to them.
             if let Some(result) = instruction.result(module)
-                && instruction.opcode != Some(Opcode::Variable)
+                && instruction.opcode != Opcode::Variable
             {
                 uses.definitions.insert(result, offset);
             }
@@ -405,7 +404,7 @@ fn access_operand(module: &Module, op: &Op, instruction: InstructionWords<'_>) -
         };
         return words.get(1..)?.iter().map(|&word| Id(word)).find(is_structure);
     }
-    let at = match instruction.opcode? {
+    let at = match instruction.opcode {
         O::Store | O::AtomicStore | O::ImageWrite => 1,
         O::CopyMemory if op.buffer_store().is_some() => 1,
         O::CopyMemory => 2,

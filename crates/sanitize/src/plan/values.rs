@@ -1,9 +1,8 @@
 //! Where values come from: through copies and local variables to the instruction that made them.
 
-use rspirv::spirv::Op as Opcode;
 use rustc_hash::{FxHashMap, FxHashSet};
 
-use anyhit_engine::module::{Definition, Id, Instruction, Module};
+use anyhit_engine::module::{Definition, Id, Instruction, Module, Opcode};
 
 /// The values of a module, by what its instructions make of them.
 #[derive(Debug)]
@@ -23,21 +22,21 @@ impl<'m> Values<'m> {
         let mut pointers = FxHashSet::default();
         for instruction in instructions.clone() {
             let operands = module.operands(instruction);
-            match (Opcode::from_u32(instruction.opcode.into()), operands) {
-                (Some(Opcode::Store), &[pointer, value, ..]) => {
+            match (instruction.opcode, operands) {
+                (Opcode::Store, &[pointer, value, ..]) => {
                     pointers.insert(Id(pointer));
                     let known = values.stored.entry(Id(pointer)).or_insert(Some(Id(value)));
                     *known = known.filter(|&known| known == Id(value));
                 }
-                (Some(Opcode::Variable), &[_, value]) => {
+                (Opcode::Variable, &[_, value]) => {
                     values.stored.extend(instruction.result.map(|id| (id, Some(Id(value)))));
                 }
                 _ => {}
             }
         }
         for instruction in instructions {
-            let chain = Opcode::from_u32(instruction.opcode.into());
-            let is_chain = matches!(chain, Some(Opcode::AccessChain | Opcode::InBoundsAccessChain));
+            let chain = instruction.opcode;
+            let is_chain = matches!(chain, Opcode::AccessChain | Opcode::InBoundsAccessChain);
             if is_chain && instruction.result.is_some_and(|id| pointers.contains(&id)) {
                 let indices = module.operands(instruction).get(1..).unwrap_or_default();
                 let counters = indices.iter().filter_map(|&index| values.atomic_addition(Id(index)));
@@ -58,8 +57,8 @@ impl<'m> Values<'m> {
             let block = self.module.functions[function as usize].blocks.get(block as usize)?;
             let instruction = block.instructions.get(at as usize)?;
             let operand = self.module.operands(instruction).first().map(|&operand| Id(operand));
-            id = match Opcode::from_u32(instruction.opcode.into())? {
-                Opcode::CopyObject | Opcode::Bitcast => operand?,
+            id = match instruction.opcode {
+                Opcode::CopyObject | Opcode::FreezeKHR | Opcode::Bitcast => operand?,
                 Opcode::Load => match self.stored.get(&operand?) {
                     Some(&Some(value)) => value,
                     _ => return Some(instruction),
@@ -72,7 +71,7 @@ impl<'m> Values<'m> {
 
     /// Whether a value is the length of an array.
     pub(super) fn is_array_length(&self, id: Id) -> bool {
-        self.origin(id).is_some_and(|origin| origin.opcode == Opcode::ArrayLength as u16)
+        self.origin(id).is_some_and(|origin| origin.opcode == Opcode::ArrayLength)
     }
 
     /// Whether a value is what an atomic addition returned, by which an element is chosen that is
@@ -84,7 +83,7 @@ impl<'m> Values<'m> {
     /// The result of the atomic addition that a value is.
     fn atomic_addition(&self, id: Id) -> Option<Id> {
         let origin = self.origin(id)?;
-        let opcode = Opcode::from_u32(origin.opcode.into())?;
+        let opcode = origin.opcode;
         matches!(opcode, Opcode::AtomicIAdd | Opcode::AtomicIIncrement).then_some(origin.result?)
     }
 }

@@ -6,7 +6,8 @@
 
 use std::sync::Arc;
 
-use rspirv::spirv::{MemoryAccess, MemorySemantics as Semantics, Op, Scope};
+use anyhit_engine::module::Opcode;
+use rspirv::spirv::{MemoryAccess, MemorySemantics as Semantics, Scope};
 
 use crate::rule::race;
 use crate::{Levels, ProgramPlan, Sanitizer};
@@ -95,11 +96,11 @@ pub(super) enum Memory {
 
 /// Decorates a buffer of words, given its array, block and variable.
 pub(super) fn decorate_buffer(a: &mut Assembler, [array, block, variable]: [u32; 3], binding: u32) {
-    a.op(Op::Decorate, &[array, 6, 4]);
-    a.op(Op::Decorate, &[block, 2]);
-    a.op(Op::MemberDecorate, &[block, 0, 35, 0]);
-    a.op(Op::Decorate, &[variable, 34, 0]);
-    a.op(Op::Decorate, &[variable, 33, binding]);
+    a.op(Opcode::Decorate, &[array, 6, 4]);
+    a.op(Opcode::Decorate, &[block, 2]);
+    a.op(Opcode::MemberDecorate, &[block, 0, 35, 0]);
+    a.op(Opcode::Decorate, &[variable, 34, 0]);
+    a.op(Opcode::Decorate, &[variable, 33, binding]);
 }
 
 /// The module of a test. A shader has the code of all invocations, each behind a test of its
@@ -135,7 +136,7 @@ impl Writer {
             Memory::Buffer => vec![24, pointer, 30, self.constant(0), index],
             Memory::Shared => vec![24, pointer, 30, index],
         };
-        self.a.op(Op::AccessChain, &operands);
+        self.a.op(Opcode::AccessChain, &operands);
         pointer
     }
 
@@ -156,8 +157,8 @@ impl Writer {
         let pointer = self.id();
         let ty = if self.memory == Memory::Buffer { 24 } else { 25 };
         let operands = [ty, pointer, 31, self.constant(0), self.own];
-        self.a.op(Op::AccessChain, &operands);
-        self.a.op(Op::Store, &[pointer, value]);
+        self.a.op(Opcode::AccessChain, &operands);
+        self.a.op(Opcode::Store, &[pointer, value]);
     }
 
     /// Writes a step.
@@ -167,34 +168,34 @@ impl Writer {
             Load(variable, privacy) => {
                 let (pointer, value) = (self.variable(variable), self.id());
                 let operands = self.operands(privacy, MemoryAccess::MAKE_POINTER_VISIBLE);
-                self.a.op(Op::Load, &[&[5, value, pointer][..], &operands].concat());
+                self.a.op(Opcode::Load, &[&[5, value, pointer][..], &operands].concat());
                 self.consume(value);
             }
             Store(variable, privacy) => {
                 let pointer = self.variable(variable);
                 let operands = self.operands(privacy, MemoryAccess::MAKE_POINTER_AVAILABLE);
                 // Each invocation its own value: one value would be another rule.
-                self.a.op(Op::Store, &[&[pointer, self.own][..], &operands].concat());
+                self.a.op(Opcode::Store, &[&[pointer, self.own][..], &operands].concat());
             }
             AtomicLoad(variable, scope, semantics) => {
                 let (pointer, value) = (self.variable(variable), self.id());
                 let [scope, semantics] = [scope as u32, semantics.bits()].map(|one| self.constant(one));
-                self.a.op(Op::AtomicLoad, &[5, value, pointer, scope, semantics]);
+                self.a.op(Opcode::AtomicLoad, &[5, value, pointer, scope, semantics]);
                 self.consume(value);
             }
             AtomicStore(variable, scope, semantics) => {
                 let pointer = self.variable(variable);
                 let [scope, semantics] = [scope as u32, semantics.bits()].map(|one| self.constant(one));
-                self.a.op(Op::AtomicStore, &[pointer, scope, semantics, one]);
+                self.a.op(Opcode::AtomicStore, &[pointer, scope, semantics, one]);
             }
             Add(variable, scope, semantics) => {
                 let (pointer, value) = (self.variable(variable), self.id());
                 let [scope, semantics] = [scope as u32, semantics.bits()].map(|one| self.constant(one));
-                self.a.op(Op::AtomicIAdd, &[5, value, pointer, scope, semantics, one]);
+                self.a.op(Opcode::AtomicIAdd, &[5, value, pointer, scope, semantics, one]);
             }
             Fence(scope, semantics) => {
                 let operands = [scope as u32, semantics.bits()].map(|one| self.constant(one));
-                self.a.op(Op::MemoryBarrier, &operands);
+                self.a.op(Opcode::MemoryBarrier, &operands);
             }
             Barrier(_) | SubgroupBarrier(_) => unreachable!("barriers stand between the invocations' code"),
         }
@@ -203,13 +204,13 @@ impl Writer {
     /// Code that one invocation executes.
     fn guarded(&mut self, invocation: u32, steps: &[Step]) {
         let [is_it, body, after] = [(); 3].map(|()| self.id());
-        self.a.op(Op::IEqual, &[3, is_it, self.own, self.constant(invocation)]);
-        self.a.op(Op::SelectionMerge, &[after, 0]);
-        self.a.op(Op::BranchConditional, &[is_it, body, after]);
-        self.a.op(Op::Label, &[body]);
+        self.a.op(Opcode::IEqual, &[3, is_it, self.own, self.constant(invocation)]);
+        self.a.op(Opcode::SelectionMerge, &[after, 0]);
+        self.a.op(Opcode::BranchConditional, &[is_it, body, after]);
+        self.a.op(Opcode::Label, &[body]);
         steps.iter().for_each(|&step| self.step(step));
-        self.a.op(Op::Branch, &[after]);
-        self.a.op(Op::Label, &[after]);
+        self.a.op(Opcode::Branch, &[after]);
+        self.a.op(Opcode::Label, &[after]);
     }
 }
 
@@ -242,15 +243,15 @@ pub(super) fn broken_by(groups: &[&[&[Step]]], memory: Memory, subgroup_size: u3
     const GLOBAL_INVOCATION_ID: u32 = 28;
     let size = groups.iter().map(|group| group.len()).max().unwrap_or(1) as u32;
     let mut a = Assembler::bare(4000);
-    a.op(Op::Capability, &[1]);
+    a.op(Opcode::Capability, &[1]);
     if memory == Memory::Buffer {
-        a.op(Op::Capability, &[5345]);
-        a.op(Op::Capability, &[5346]);
+        a.op(Opcode::Capability, &[5345]);
+        a.op(Opcode::Capability, &[5346]);
     }
-    a.op(Op::MemoryModel, &[0, if memory == Memory::Buffer { 3 } else { 1 }]);
-    a.with_string(Op::EntryPoint, &[5, 40], "main", &[30, 31, 32]);
-    a.op(Op::ExecutionMode, &[40, 17, size, 1, 1]);
-    a.op(Op::Decorate, &[32, 11, GLOBAL_INVOCATION_ID]);
+    a.op(Opcode::MemoryModel, &[0, if memory == Memory::Buffer { 3 } else { 1 }]);
+    a.with_string(Opcode::EntryPoint, &[5, 40], "main", &[30, 31, 32]);
+    a.op(Opcode::ExecutionMode, &[40, 17, size, 1, 1]);
+    a.op(Opcode::Decorate, &[32, 11, GLOBAL_INVOCATION_ID]);
     for (array, block, variable, binding) in [(20, 21, 30, 0), (26, 27, 31, 1)] {
         if memory == Memory::Shared && variable == 30 {
             continue;
@@ -261,36 +262,36 @@ pub(super) fn broken_by(groups: &[&[&[Step]]], memory: Memory, subgroup_size: u3
     let mut writer = Writer { a, next: 100, memory, constants: Vec::new(), own: 50 };
     for value in constants_of(groups.iter().copied().flatten().copied().flatten()) {
         let id = writer.id();
-        writer.a.op(Op::Constant, &[5, id, value]);
+        writer.a.op(Opcode::Constant, &[5, id, value]);
         writer.constants.push((value, id));
     }
     let class = if memory == Memory::Buffer { 12 } else { 4 };
     let four = writer.constant(4);
     let a = &mut writer.a;
     if memory == Memory::Buffer {
-        a.op(Op::TypeRuntimeArray, &[20, 5]);
-        a.op(Op::TypeStruct, &[21, 20]);
-        a.op(Op::TypePointer, &[22, class, 21]);
+        a.op(Opcode::TypeRuntimeArray, &[20, 5]);
+        a.op(Opcode::TypeStruct, &[21, 20]);
+        a.op(Opcode::TypePointer, &[22, class, 21]);
     } else {
-        a.op(Op::TypeArray, &[20, 5, four]);
-        a.op(Op::TypePointer, &[22, class, 20]);
+        a.op(Opcode::TypeArray, &[20, 5, four]);
+        a.op(Opcode::TypePointer, &[22, class, 20]);
     }
-    a.op(Op::TypePointer, &[24, class, 5]);
-    a.op(Op::Variable, &[22, 30, class]);
-    a.op(Op::TypeRuntimeArray, &[26, 5]);
-    a.op(Op::TypeStruct, &[27, 26]);
-    a.op(Op::TypePointer, &[28, 12, 27]);
+    a.op(Opcode::TypePointer, &[24, class, 5]);
+    a.op(Opcode::Variable, &[22, 30, class]);
+    a.op(Opcode::TypeRuntimeArray, &[26, 5]);
+    a.op(Opcode::TypeStruct, &[27, 26]);
+    a.op(Opcode::TypePointer, &[28, 12, 27]);
     if memory == Memory::Shared {
-        a.op(Op::TypePointer, &[25, 12, 5]);
+        a.op(Opcode::TypePointer, &[25, 12, 5]);
     }
-    a.op(Op::Variable, &[28, 31, 12]);
-    a.op(Op::TypeVector, &[33, 5, 3]);
-    a.op(Op::TypePointer, &[34, 1, 33]);
-    a.op(Op::Variable, &[34, 32, 1]);
-    a.op(Op::Function, &[1, 40, 0, 2]);
-    a.op(Op::Label, &[41]);
-    a.op(Op::Load, &[33, 51, 32]);
-    a.op(Op::CompositeExtract, &[5, 50, 51, 0]);
+    a.op(Opcode::Variable, &[28, 31, 12]);
+    a.op(Opcode::TypeVector, &[33, 5, 3]);
+    a.op(Opcode::TypePointer, &[34, 1, 33]);
+    a.op(Opcode::Variable, &[34, 32, 1]);
+    a.op(Opcode::Function, &[1, 40, 0, 2]);
+    a.op(Opcode::Label, &[41]);
+    a.op(Opcode::Load, &[33, 51, 32]);
+    a.op(Opcode::CompositeExtract, &[5, 50, 51, 0]);
     // The parts of the invocations between the barriers.
     let mut parts: Vec<(u32, std::slice::Split<'_, Step, _>)> = Vec::new();
     let is_barrier = |step: &Step| matches!(step, Barrier(_) | SubgroupBarrier(_));
@@ -314,10 +315,10 @@ pub(super) fn broken_by(groups: &[&[&[Step]]], memory: Memory, subgroup_size: u3
             _ => break,
         };
         let operands = [scope as u32, scope as u32, semantics.bits()].map(|one| writer.constant(one));
-        writer.a.op(Op::ControlBarrier, &operands);
+        writer.a.op(Opcode::ControlBarrier, &operands);
     }
-    writer.a.op(Op::Return, &[]);
-    writer.a.op(Op::FunctionEnd, &[]);
+    writer.a.op(Opcode::Return, &[]);
+    writer.a.op(Opcode::FunctionEnd, &[]);
     run(&writer.a, groups.len() as u32, subgroup_size)
 }
 

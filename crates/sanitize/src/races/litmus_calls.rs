@@ -7,7 +7,8 @@
 
 use std::sync::Arc;
 
-use rspirv::spirv::{Op, Scope};
+use anyhit_engine::module::Opcode;
+use rspirv::spirv::Scope;
 
 use crate::races::litmus::{
     ACQ, ACQ_VIS, Memory, Privacy, REL, REL_AV, Step, Writer, X, constants_of, decorate_buffer, races,
@@ -123,11 +124,11 @@ fn module(test: &CallTest, call: Call) -> Assembler {
     };
     let mut a = Assembler::bare(4000);
     for capability in [1, 11, 4479, 5345, 5346] {
-        a.op(Op::Capability, &[capability]);
+        a.op(Opcode::Capability, &[capability]);
     }
-    a.op(Op::MemoryModel, &[0, 3]);
-    a.with_string(Op::EntryPoint, &[5313, 40], "main", &[30, 31, LOCATIONS[0]]);
-    a.with_string(Op::EntryPoint, &[stage, 70], "called", &[30, 31, LOCATIONS[1]]);
+    a.op(Opcode::MemoryModel, &[0, 3]);
+    a.with_string(Opcode::EntryPoint, &[5313, 40], "main", &[30, 31, LOCATIONS[0]]);
+    a.with_string(Opcode::EntryPoint, &[stage, 70], "called", &[30, 31, LOCATIONS[1]]);
     for (array, block, variable, binding) in [(20, 21, 30, 0), (26, 27, 31, 1)] {
         decorate_buffer(&mut a, [array, block, variable], binding);
     }
@@ -135,49 +136,49 @@ fn module(test: &CallTest, call: Call) -> Assembler {
     let mut writer = Writer { a, next: 100, memory: Memory::Buffer, constants: Vec::new(), own: 0 };
     for value in constants_of([test.before, test.called, test.after].into_iter().flatten()) {
         let id = writer.id();
-        writer.a.op(Op::Constant, &[5, id, value]);
+        writer.a.op(Opcode::Constant, &[5, id, value]);
         writer.constants.push((value, id));
     }
     for (array, block, pointer, variable) in [(20, 21, 22, 30), (26, 27, 28, 31)] {
-        writer.a.op(Op::TypeRuntimeArray, &[array, 5]);
-        writer.a.op(Op::TypeStruct, &[block, array]);
-        writer.a.op(Op::TypePointer, &[pointer, 12, block]);
-        writer.a.op(Op::Variable, &[pointer, variable, 12]);
+        writer.a.op(Opcode::TypeRuntimeArray, &[array, 5]);
+        writer.a.op(Opcode::TypeStruct, &[block, array]);
+        writer.a.op(Opcode::TypePointer, &[pointer, 12, block]);
+        writer.a.op(Opcode::Variable, &[pointer, variable, 12]);
     }
-    writer.a.op(Op::TypePointer, &[24, 12, 5]);
+    writer.a.op(Opcode::TypePointer, &[24, 12, 5]);
     for (at, (class, variable)) in (0..).zip(classes.into_iter().zip(LOCATIONS)) {
-        writer.a.op(Op::TypePointer, &[62 + at, class, 5]);
-        writer.a.op(Op::Variable, &[62 + at, variable, class]);
+        writer.a.op(Opcode::TypePointer, &[62 + at, class, 5]);
+        writer.a.op(Opcode::Variable, &[62 + at, variable, class]);
     }
     // A null structure, which every ray misses.
-    writer.a.op(Op::TypeInt, &[80, 64, 0]);
-    writer.a.op(Op::TypeAccelerationStructureKHR, &[81]);
-    writer.a.op(Op::ConstantNull, &[80, 82]);
-    writer.a.op(Op::Constant, &[6, 83, 0]);
-    writer.a.op(Op::Constant, &[6, 84, 1.0f32.to_bits()]);
-    writer.a.op(Op::ConstantComposite, &[7, 85, 84, 84, 84]);
+    writer.a.op(Opcode::TypeInt, &[80, 64, 0]);
+    writer.a.op(Opcode::TypeAccelerationStructureKHR, &[81]);
+    writer.a.op(Opcode::ConstantNull, &[80, 82]);
+    writer.a.op(Opcode::Constant, &[6, 83, 0]);
+    writer.a.op(Opcode::Constant, &[6, 84, 1.0f32.to_bits()]);
+    writer.a.op(Opcode::ConstantComposite, &[7, 85, 84, 84, 84]);
     let zero = writer.constant(0);
     writer.own = writer.constant(6);
-    writer.a.op(Op::Function, &[1, 40, 0, 2]);
-    writer.a.op(Op::Label, &[41]);
+    writer.a.op(Opcode::Function, &[1, 40, 0, 2]);
+    writer.a.op(Opcode::Label, &[41]);
     test.before.iter().for_each(|&step| writer.step(step));
     match call {
         Call::Trace => {
-            writer.a.op(Op::ConvertUToAccelerationStructureKHR, &[81, 86, 82]);
+            writer.a.op(Opcode::ConvertUToAccelerationStructureKHR, &[81, 86, 82]);
             let operands = [86, zero, zero, zero, zero, zero, 85, 83, 85, 84, LOCATIONS[0]];
-            writer.a.op(Op::TraceRayKHR, &operands);
+            writer.a.op(Opcode::TraceRayKHR, &operands);
         }
-        Call::Callable => _ = writer.a.op(Op::ExecuteCallableKHR, &[zero, LOCATIONS[0]]),
+        Call::Callable => _ = writer.a.op(Opcode::ExecuteCallableKHR, &[zero, LOCATIONS[0]]),
     }
     test.after.iter().for_each(|&step| writer.step(step));
-    writer.a.op(Op::Return, &[]);
-    writer.a.op(Op::FunctionEnd, &[]);
+    writer.a.op(Opcode::Return, &[]);
+    writer.a.op(Opcode::FunctionEnd, &[]);
     writer.own = writer.constant(7);
-    writer.a.op(Op::Function, &[1, 70, 0, 2]);
-    writer.a.op(Op::Label, &[71]);
+    writer.a.op(Opcode::Function, &[1, 70, 0, 2]);
+    writer.a.op(Opcode::Label, &[71]);
     test.called.iter().for_each(|&step| writer.step(step));
-    writer.a.op(Op::Return, &[]);
-    writer.a.op(Op::FunctionEnd, &[]);
+    writer.a.op(Opcode::Return, &[]);
+    writer.a.op(Opcode::FunctionEnd, &[]);
     writer.a
 }
 

@@ -1,11 +1,11 @@
 //! What memory semantics order, and in which scope.
 
-use rspirv::spirv::{MemorySemantics, Op as Opcode, Scope};
+use rspirv::spirv::{MemorySemantics, Scope};
 
 use crate::plan::InstructionWords;
 use crate::races::class::{Classes, Reach};
 use crate::races::level::{Level, Topology};
-use anyhit_engine::module::{Id, Module};
+use anyhit_engine::module::{Id, Module, Opcode};
 use anyhit_engine::ops::atomic;
 
 /// What an instruction's memory semantics order.
@@ -70,7 +70,7 @@ impl Semantics {
         is_equal: bool,
     ) -> Option<Self> {
         let InstructionWords { opcode, words } = instruction;
-        let scope_at = match opcode? {
+        let scope_at = match opcode {
             Opcode::MemoryBarrier => 1,
             Opcode::ControlBarrier | Opcode::AtomicStore => 2,
             opcode if atomic::OPCODES.contains(&opcode) => 4,
@@ -78,7 +78,7 @@ impl Semantics {
         };
         let (bits, scope) = semantics_and_scope(module, words, scope_at);
         let bits = match opcode {
-            Some(Opcode::AtomicCompareExchange) if !is_equal => {
+            Opcode::AtomicCompareExchange if !is_equal => {
                 words.get(scope_at + 2).and_then(|&id| module.scalar_value(Id(id)))
             }
             _ => bits,

@@ -2,16 +2,16 @@
 //! in communication (Vulkan, Memory Model, "Private vs. Non-Private"), with whom an atomic one is
 //! atomic, and whether other declarations may reach the same memory.
 
-use rspirv::spirv::{ImageOperands, MemoryAccess, MemorySemantics, Op as Opcode, Scope};
+use rspirv::spirv::{ImageOperands, MemoryAccess, MemorySemantics, Scope};
 use rustc_hash::FxHashMap;
 
 use crate::module_checks::code::{EntryCode, Part};
 use crate::plan::InstructionWords;
 use crate::races::class::{Classes, Reach};
 use crate::races::ordering::{Ordering, is_wide, known_bits, scope, semantics_and_scope};
-use anyhit_engine::module::Module;
 use anyhit_engine::module::decoration::number;
 use anyhit_engine::module::interface::EntryPoint;
+use anyhit_engine::module::{Module, Opcode};
 use anyhit_engine::ops::atomic;
 use anyhit_engine::ops::pointer::storage;
 use anyhit_engine::program::Program;
@@ -193,17 +193,17 @@ impl Barriers {
         let mut all = Self::default();
         for instruction in module.instructions() {
             let operands = module.operands(instruction);
-            match Opcode::from_u32(instruction.opcode.into()) {
-                Some(Opcode::MemoryBarrier) => {
+            match instruction.opcode {
+                Opcode::MemoryBarrier => {
                     let ordering = all.add(module, operands, 0);
                     all.fences = all.fences.with(ordering);
                 }
-                Some(Opcode::ControlBarrier) => {
+                Opcode::ControlBarrier => {
                     all.add(module, operands, 1);
                     let scope = scope(module, operands.first());
                     all.subgroup |= scope.is_none_or(|scope| scope == Scope::Subgroup);
                 }
-                Some(opcode) if atomic::OPCODES.contains(&opcode) => {
+                opcode if atomic::OPCODES.contains(&opcode) => {
                     all.atomics = true;
                     all.add(module, operands, 1);
                 }

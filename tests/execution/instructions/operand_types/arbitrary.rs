@@ -7,9 +7,10 @@ use std::sync::Arc;
 
 use anyhit_base::error::{ErrorKind, Result};
 use anyhit_engine::machine::Resources;
+use anyhit_engine::module::Opcode;
 use anyhit_engine::ops::support::{self, Support};
 use anyhit_engine::pipeline::{BatchWidth, Launch, Pipeline, RunOptions};
-use rspirv::grammar::{INSTRUCTION_TABLE, OperandKind, OperandQuantifier};
+use rspirv::grammar::{OperandKind, OperandQuantifier};
 
 use crate::execution::instructions::operand_types::types::hash;
 use crate::support::assembly::assemble;
@@ -211,20 +212,20 @@ fn nothing_panics_whatever_the_operands_are() {
     let mut wrong = Vec::new();
     let mut counts = [0; 2];
     let rounds = std::env::var("PROPTEST_CASES").ok().and_then(|count| count.parse().ok()).unwrap_or(12);
-    for entry in INSTRUCTION_TABLE.iter() {
-        let Some(Support::Supported(group)) = support::opcode(entry.opcode as u16) else { continue };
+    for opcode in Opcode::all() {
+        let Some(Support::Supported(group)) = support::opcode(opcode) else { continue };
         if ["module, types, constants", "functions and control flow"].contains(&group) {
             continue;
         }
-        let rounds = if entry.opname == "ExtInst" { 32 * rounds } else { rounds };
+        let rounds = if opcode == Opcode::ExtInst { 32 * rounds } else { rounds };
         for round in 0..rounds {
             let mut draws = 0;
             let mut draw = |count: usize| {
                 draws += 1;
-                hash(&[entry.opcode as u64, round, draws]) as usize % count
+                hash(&[opcode.0.into(), round, draws]) as usize % count
             };
             let (mut result, mut operands) = ("", String::new());
-            for operand in entry.operands {
+            for operand in opcode.operands() {
                 let times = match operand.quantifier {
                     OperandQuantifier::One => 1,
                     OperandQuantifier::ZeroOrOne => draw(2),
@@ -238,7 +239,7 @@ fn nothing_panics_whatever_the_operands_are() {
                         }
                         OperandKind::IdResultType => write!(operands, " %{}", TYPES[draw(TYPES.len())]),
                         OperandKind::IdScope | OperandKind::IdMemorySemantics => write!(operands, " %three"),
-                        OperandKind::IdRef if entry.opname == "ExtInst" && !operands.contains("glsl") => {
+                        OperandKind::IdRef if opcode == Opcode::ExtInst && !operands.contains("glsl") => {
                             write!(operands, " %glsl")
                         }
                         OperandKind::IdRef => write!(operands, " %{}", VALUES[draw(VALUES.len())]),
@@ -247,7 +248,7 @@ fn nothing_panics_whatever_the_operands_are() {
                     };
                 }
             }
-            let instruction = format!("{result}Op{}{operands}", entry.opname);
+            let instruction = format!("{result}{opcode}{operands}");
             match catch_unwind(AssertUnwindSafe(|| run(&module(&instruction)))) {
                 Ok(Ok(())) => counts[0] += 1,
                 Ok(Err(error)) if error.message().contains("bug in anyhit") => wrong.push(instruction),

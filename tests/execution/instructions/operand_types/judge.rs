@@ -34,7 +34,7 @@ pub fn judge(case: &Case, operands: &[Vec<u64>]) -> Vec<Expected> {
     let component = |at: usize, part: usize| -> Expected {
         let scalars: Vec<u64> =
             operands.iter().map(|operand| operand[if operand.len() == 1 { 0 } else { at }]).collect();
-        match kinds[1].is_float() && !matches!(name, "Select" | "CopyObject") {
+        match kinds[1].is_float() && !matches!(name, "Select" | "CopyObject" | "FreezeKHR") {
             true => float(name, part, &kinds, &scalars),
             false => integer(name, part, &kinds, &scalars),
         }
@@ -270,11 +270,11 @@ fn integer(name: &str, part: usize, kinds: &[Kind], args: &[u64]) -> Expected {
             "LogicalAnd" => truth(a * b > 0),
             "LogicalNot" => truth(a == 0),
             "Select" => Bits(if a == 1 { b } else { c }),
-            "CopyObject" | "ExpectKHR" => Bits(a),
+            "CopyObject" | "FreezeKHR" | "ExpectKHR" => Bits(a),
             _ => panic!("nobody judges {name} on bools"),
         };
     }
-    if matches!(name, "CopyObject" | "ExpectKHR") {
+    if matches!(name, "CopyObject" | "FreezeKHR" | "ExpectKHR") {
         return Bits(a);
     }
     if result.is_float() {

@@ -54,7 +54,7 @@ UConvert                                               | uint       | int!0
 SConvert                                               | int        | int!0
 FConvert                                               | float      | float!0
 QuantizeToF16                                          | f32        | =0
-CopyObject                                             | any        | =0
+CopyObject FreezeKHR                                   | any        | =0
 VectorExtractDynamic                                   | any.       | @0 int.
 VectorInsertDynamic                                    | any:       | =0 ^0 int.
 ExpectKHR                                              | intbool    | =0 =0

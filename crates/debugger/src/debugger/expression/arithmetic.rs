@@ -1,6 +1,7 @@
 //! Operators on numbers, with GLSL's conversions: a scalar meets each component, integers become
 //! floats, signed integers unsigned ones.
 
+use anyhit_engine::module::Opcode;
 use half::f16;
 
 use crate::debugger::expression::numbers::{
@@ -8,13 +9,6 @@ use crate::debugger::expression::numbers::{
 };
 use crate::debugger::expression::shader_code::{self, Instruction};
 use crate::debugger::expression::syntax::{BinaryOperator as Operator, UnaryOperator};
-
-/// `OpVectorTimesMatrix`
-const VECTOR_TIMES_MATRIX: u16 = 144;
-/// `OpMatrixTimesVector`
-const MATRIX_TIMES_VECTOR: u16 = 145;
-/// `OpMatrixTimesMatrix`
-const MATRIX_TIMES_MATRIX: u16 = 146;
 
 /// Applies an operator to one operand.
 pub(super) fn unary(operator: UnaryOperator, operand: &CalculatedValue) -> Calculated {
@@ -243,10 +237,14 @@ pub(super) fn multiply(a: &CalculatedValue, b: &CalculatedValue) -> Calculated {
     use NumberShape::{Matrix, Vector};
     let (opcode, shape) = match (a.shape(), b.shape()) {
         // A vector to the right of a matrix is a column, one to the left of it a row.
-        (Matrix { columns, rows }, Vector(count)) if columns == count => (MATRIX_TIMES_VECTOR, Vector(rows)),
-        (Vector(count), Matrix { columns, rows }) if rows == count => (VECTOR_TIMES_MATRIX, Vector(columns)),
+        (Matrix { columns, rows }, Vector(count)) if columns == count => {
+            (Opcode::MatrixTimesVector, Vector(rows))
+        }
+        (Vector(count), Matrix { columns, rows }) if rows == count => {
+            (Opcode::VectorTimesMatrix, Vector(columns))
+        }
         (Matrix { columns: inner, rows }, Matrix { columns, rows: others }) if inner == others => {
-            (MATRIX_TIMES_MATRIX, Matrix { columns, rows })
+            (Opcode::MatrixTimesMatrix, Matrix { columns, rows })
         }
         _ => return calculated(Operator::Multiply, a, b),
     };

@@ -7,6 +7,7 @@ use crate::debugger::expression::numbers::{
 };
 use crate::debugger::expression::shader_code::{self, Instruction, spread};
 use crate::debugger::expression::type_names::numeric_type;
+use anyhit_engine::module::Opcode;
 
 /// A function: its names, how many arguments it takes, and what it does.
 type Function = (&'static [&'static str], usize, Kind);
@@ -32,20 +33,6 @@ enum Kind {
 /// An instruction of `GLSL.std.450`, by its number.
 const fn glsl(number: u32) -> Instruction {
     Instruction::Extended(number)
-}
-
-/// Instructions of SPIR-V that functions of the languages are (SPIR-V 3.52), by their opcodes.
-mod opcode {
-    use super::Instruction::{self, Core};
-    pub(super) const TRANSPOSE: Instruction = Core(84);
-    pub(super) const FREM: Instruction = Core(140);
-    pub(super) const FMOD: Instruction = Core(141);
-    pub(super) const DOT: Instruction = Core(148);
-    pub(super) const ANY: Instruction = Core(154);
-    pub(super) const ALL: Instruction = Core(155);
-    pub(super) const IS_NAN: Instruction = Core(156);
-    pub(super) const IS_INF: Instruction = Core(157);
-    pub(super) const SELECT: Instruction = Core(169);
 }
 
 const FUNCTIONS: &[Function] = &[
@@ -82,7 +69,10 @@ const FUNCTIONS: &[Function] = &[
     (&["determinant"], 1, Kind::Matrix(glsl(33), |_, _| NumberShape::Scalar)),
     (&["inverse"], 1, Kind::Matrix(glsl(34), |columns, rows| NumberShape::Matrix { columns, rows })),
     (&["transpose"], 1, {
-        Kind::Matrix(opcode::TRANSPOSE, |rows, columns| NumberShape::Matrix { columns, rows })
+        Kind::Matrix(Instruction::Core(Opcode::Transpose), |rows, columns| NumberShape::Matrix {
+            columns,
+            rows,
+        })
     }),
     (&["min"], 2, Kind::Numbers([37, 39, 38])),
     (&["max"], 2, Kind::Numbers([40, 42, 41])),
@@ -92,8 +82,8 @@ const FUNCTIONS: &[Function] = &[
     (&["step"], 2, Kind::Floats(glsl(48))),
     (&["smoothstep"], 3, Kind::Floats(glsl(49))),
     (&["fma", "mad"], 3, Kind::Floats(glsl(50))),
-    (&["mod"], 2, Kind::Floats(opcode::FMOD)),
-    (&["fmod"], 2, Kind::Floats(opcode::FREM)),
+    (&["mod"], 2, Kind::Floats(Instruction::Core(Opcode::FMod))),
+    (&["fmod"], 2, Kind::Floats(Instruction::Core(Opcode::FRem))),
     (&["length"], 1, Kind::ToScalar(glsl(66))),
     (&["distance"], 2, Kind::ToScalar(glsl(67))),
     (&["dot"], 2, Kind::Other(dot)),
@@ -102,10 +92,10 @@ const FUNCTIONS: &[Function] = &[
     (&["faceforward"], 3, Kind::Floats(glsl(70))),
     (&["reflect"], 2, Kind::Floats(glsl(71))),
     (&["refract"], 3, Kind::Other(refract)),
-    (&["any"], 1, Kind::Other(|of| of_bools(&of[0], opcode::ANY))),
-    (&["all"], 1, Kind::Other(|of| of_bools(&of[0], opcode::ALL))),
-    (&["isnan"], 1, Kind::Test(opcode::IS_NAN)),
-    (&["isinf"], 1, Kind::Test(opcode::IS_INF)),
+    (&["any"], 1, Kind::Other(|of| of_bools(&of[0], Instruction::Core(Opcode::Any)))),
+    (&["all"], 1, Kind::Other(|of| of_bools(&of[0], Instruction::Core(Opcode::All)))),
+    (&["isnan"], 1, Kind::Test(Instruction::Core(Opcode::IsNan))),
+    (&["isinf"], 1, Kind::Test(Instruction::Core(Opcode::IsInf))),
     // HLSL multiplies matrices whose rows are the columns of SPIR-V's.
     (&["mul"], 2, Kind::Other(|of| multiply(&of[1], &of[0]))),
     (&["floatBitsToUint", "asuint"], 1, Kind::Other(|of| reinterpret(&of[0], ScalarType::Uint(32)))),
@@ -270,7 +260,7 @@ fn dot(of: &[CalculatedValue]) -> Calculated {
     let of = together("dot", of, true)?;
     match of[0].shape() {
         NumberShape::Scalar => multiply(&of[0], &of[1]),
-        _ => run("dot", opcode::DOT, NumberShape::Scalar, &of),
+        _ => run("dot", Instruction::Core(Opcode::Dot), NumberShape::Scalar, &of),
     }
 }
 
@@ -305,7 +295,7 @@ fn mix(of: &[CalculatedValue]) -> Calculated {
         return Err("`mix` with bools requires three values of the same shape".into());
     }
     let operands = [by.clone(), y.clone(), x.clone()];
-    shader_code::call("mix", opcode::SELECT, (x.ty(), x.shape()), &operands)
+    shader_code::call("mix", Instruction::Core(Opcode::Select), (x.ty(), x.shape()), &operands)
 }
 
 /// The value whose components have the same 32 bits.

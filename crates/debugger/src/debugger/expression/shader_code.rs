@@ -9,7 +9,7 @@ use crate::debugger::expression::numbers::{
 use anyhit_base::error::Result;
 use anyhit_engine::interp;
 use anyhit_engine::machine::{Batch, Bindings, Exit, Mask};
-use anyhit_engine::module::{Id, load};
+use anyhit_engine::module::{Id, Opcode, load};
 use anyhit_engine::ops::translate::IdValue;
 use anyhit_engine::program::{LowerOptions, Optimization, lower_with};
 
@@ -17,34 +17,9 @@ use anyhit_engine::program::{LowerOptions, Optimization, lower_with};
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Instruction {
     /// Of SPIR-V itself, by its opcode.
-    Core(u16),
+    Core(Opcode),
     /// Of `GLSL.std.450`, by its number.
     Extended(u32),
-}
-
-/// The instructions that the module is made of (SPIR-V 3.52), by their opcodes.
-mod opcode {
-    pub(super) const EXT_INST_IMPORT: u16 = 11;
-    pub(super) const EXT_INST: u16 = 12;
-    pub(super) const MEMORY_MODEL: u16 = 14;
-    pub(super) const ENTRY_POINT: u16 = 15;
-    pub(super) const EXECUTION_MODE: u16 = 16;
-    pub(super) const CAPABILITY: u16 = 17;
-    pub(super) const TYPE_VOID: u16 = 19;
-    pub(super) const TYPE_BOOL: u16 = 20;
-    pub(super) const TYPE_INT: u16 = 21;
-    pub(super) const TYPE_FLOAT: u16 = 22;
-    pub(super) const TYPE_VECTOR: u16 = 23;
-    pub(super) const TYPE_MATRIX: u16 = 24;
-    pub(super) const TYPE_FUNCTION: u16 = 33;
-    pub(super) const CONSTANT_TRUE: u16 = 41;
-    pub(super) const CONSTANT_FALSE: u16 = 42;
-    pub(super) const CONSTANT: u16 = 43;
-    pub(super) const CONSTANT_COMPOSITE: u16 = 44;
-    pub(super) const FUNCTION: u16 = 54;
-    pub(super) const FUNCTION_END: u16 = 56;
-    pub(super) const LABEL: u16 = 248;
-    pub(super) const RETURN: u16 = 253;
 }
 
 /// `Matrix`, `Shader`, `Float16`, `Float64`, `Int64`, `Int16`, `Int8`
@@ -119,7 +94,7 @@ impl ModuleWords {
         // Magic number, version 1.6, no generator, the bound and the schema.
         let mut code = Self { words: vec![0x0723_0203, 0x0001_0600, 0, 0, 0], next: 3, types: Vec::new() };
         for capability in CAPABILITIES {
-            code.add(opcode::CAPABILITY, &[capability]);
+            code.add(Opcode::Capability, &[capability]);
         }
         let text = |text: &str, before: &[u32]| -> Vec<u32> {
             let mut bytes = text.as_bytes().to_vec();
@@ -128,10 +103,10 @@ impl ModuleWords {
                 bytes.chunks_exact(4).map(|word| u32::from_le_bytes(word.try_into().unwrap_or_default()));
             before.iter().copied().chain(words).collect()
         };
-        code.add(opcode::EXT_INST_IMPORT, &text("GLSL.std.450", &[Self::IMPORT]));
-        code.add(opcode::MEMORY_MODEL, &[0, MEMORY_MODEL_GLSL]);
-        code.add(opcode::ENTRY_POINT, &text("main", &[COMPUTE, Self::MAIN]));
-        code.add(opcode::EXECUTION_MODE, &[Self::MAIN, LOCAL_SIZE, 1, 1, 1]);
+        code.add(Opcode::ExtInstImport, &text("GLSL.std.450", &[Self::IMPORT]));
+        code.add(Opcode::MemoryModel, &[0, MEMORY_MODEL_GLSL]);
+        code.add(Opcode::EntryPoint, &text("main", &[COMPUTE, Self::MAIN]));
+        code.add(Opcode::ExecutionMode, &[Self::MAIN, LOCAL_SIZE, 1, 1, 1]);
         code
     }
 
@@ -140,8 +115,8 @@ impl ModuleWords {
         self.words.into_iter().flat_map(u32::to_le_bytes).collect()
     }
 
-    fn add(&mut self, opcode: u16, operands: &[u32]) {
-        self.words.push((operands.len() as u32 + 1) << 16 | u32::from(opcode));
+    fn add(&mut self, opcode: Opcode, operands: &[u32]) {
+        self.words.push((operands.len() as u32 + 1) << 16 | u32::from(opcode.0));
         self.words.extend_from_slice(operands);
     }
 
@@ -151,7 +126,7 @@ impl ModuleWords {
     }
 
     /// Adds an instruction whose first operand is its result.
-    fn define(&mut self, opcode: u16, operands: &[u32]) -> u32 {
+    fn define(&mut self, opcode: Opcode, operands: &[u32]) -> u32 {
         let id = self.id();
         self.add(opcode, &[&[id], operands].concat());
         id
@@ -162,17 +137,17 @@ impl ModuleWords {
             return *known;
         }
         let id = match (shape, ty) {
-            (NumberShape::Scalar, ScalarType::Bool) => self.define(opcode::TYPE_BOOL, &[]),
-            (NumberShape::Scalar, ScalarType::Int(width)) => self.define(opcode::TYPE_INT, &[width, 1]),
-            (NumberShape::Scalar, ScalarType::Uint(width)) => self.define(opcode::TYPE_INT, &[width, 0]),
-            (NumberShape::Scalar, ScalarType::Float(width)) => self.define(opcode::TYPE_FLOAT, &[width]),
+            (NumberShape::Scalar, ScalarType::Bool) => self.define(Opcode::TypeBool, &[]),
+            (NumberShape::Scalar, ScalarType::Int(width)) => self.define(Opcode::TypeInt, &[width, 1]),
+            (NumberShape::Scalar, ScalarType::Uint(width)) => self.define(Opcode::TypeInt, &[width, 0]),
+            (NumberShape::Scalar, ScalarType::Float(width)) => self.define(Opcode::TypeFloat, &[width]),
             (NumberShape::Vector(count), _) => {
                 let scalar = self.type_of(ty, NumberShape::Scalar);
-                self.define(opcode::TYPE_VECTOR, &[scalar, count])
+                self.define(Opcode::TypeVector, &[scalar, count])
             }
             (NumberShape::Matrix { columns, rows } | NumberShape::Array { elements: columns, rows }, _) => {
                 let column = self.type_of(ty, NumberShape::Vector(rows));
-                self.define(opcode::TYPE_MATRIX, &[column, columns])
+                self.define(Opcode::TypeMatrix, &[column, columns])
             }
         };
         self.types.push(((ty, shape), id));
@@ -182,7 +157,7 @@ impl ModuleWords {
     /// Adds a constant of a shape.
     fn constant(&mut self, value: &CalculatedValue) -> u32 {
         let ty = self.type_of(value.ty(), value.shape());
-        let id = |code: &mut Self, opcode: u16, operands: &[u32]| {
+        let id = |code: &mut Self, opcode: Opcode, operands: &[u32]| {
             let id = code.id();
             code.add(opcode, &[&[ty, id], operands].concat());
             id
@@ -190,16 +165,16 @@ impl ModuleWords {
         if let Some((_, count)) = value.shape().part() {
             let parts = (0..count.into()).filter_map(|at| value.part(at));
             let parts: Vec<u32> = parts.collect::<Vec<_>>().iter().map(|part| self.constant(part)).collect();
-            return id(self, opcode::CONSTANT_COMPOSITE, &parts);
+            return id(self, Opcode::ConstantComposite, &parts);
         }
         let bits = value.bits()[0];
         match value.ty() {
-            ScalarType::Bool if bits != 0 => id(self, opcode::CONSTANT_TRUE, &[]),
-            ScalarType::Bool => id(self, opcode::CONSTANT_FALSE, &[]),
+            ScalarType::Bool if bits != 0 => id(self, Opcode::ConstantTrue, &[]),
+            ScalarType::Bool => id(self, Opcode::ConstantFalse, &[]),
             // Numbers of fewer bits than a word are extended by their signs.
-            ScalarType::Int(width @ ..32) => id(self, opcode::CONSTANT, &[signed(bits, width) as u32]),
-            ty if ty.width() == 64 => id(self, opcode::CONSTANT, &[bits as u32, (bits >> 32) as u32]),
-            _ => id(self, opcode::CONSTANT, &[bits as u32]),
+            ScalarType::Int(width @ ..32) => id(self, Opcode::Constant, &[signed(bits, width) as u32]),
+            ty if ty.width() == 64 => id(self, Opcode::Constant, &[bits as u32, (bits >> 32) as u32]),
+            _ => id(self, Opcode::Constant, &[bits as u32]),
         }
     }
 
@@ -210,22 +185,22 @@ impl ModuleWords {
         (ty, shape): (ScalarType, NumberShape),
         operands: &[CalculatedValue],
     ) -> u32 {
-        let void = self.define(opcode::TYPE_VOID, &[]);
-        let signature = self.define(opcode::TYPE_FUNCTION, &[void]);
+        let void = self.define(Opcode::TypeVoid, &[]);
+        let signature = self.define(Opcode::TypeFunction, &[void]);
         let result_type = self.type_of(ty, shape);
         let operands: Vec<u32> = operands.iter().map(|operand| self.constant(operand)).collect();
-        self.add(opcode::FUNCTION, &[void, Self::MAIN, 0, signature]);
-        self.define(opcode::LABEL, &[]);
+        self.add(Opcode::Function, &[void, Self::MAIN, 0, signature]);
+        self.define(Opcode::Label, &[]);
         let result = self.id();
         let (opcode, before) = match instruction {
             Instruction::Core(opcode) => (opcode, vec![result_type, result]),
             Instruction::Extended(number) => {
-                (opcode::EXT_INST, vec![result_type, result, Self::IMPORT, number])
+                (Opcode::ExtInst, vec![result_type, result, Self::IMPORT, number])
             }
         };
         self.add(opcode, &[before, operands].concat());
-        self.add(opcode::RETURN, &[]);
-        self.add(opcode::FUNCTION_END, &[]);
+        self.add(Opcode::Return, &[]);
+        self.add(Opcode::FunctionEnd, &[]);
         result
     }
 }

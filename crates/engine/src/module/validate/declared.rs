@@ -1,13 +1,13 @@
 //! What a module declares: capabilities with those that they imply, extensions, the version.
 
-use rspirv::spirv::{Capability, Op};
+use rspirv::spirv::Capability;
 use rustc_hash::FxHashSet;
 
-use crate::module::Module;
-use crate::module::grammar::opcode;
+use crate::module::grammar::InstructionGrammar;
 use crate::module::validate::entry::Kind;
 use crate::module::validate::requirement::Requirement;
 use crate::module::words::Walker;
+use crate::module::{Module, Opcode};
 
 /// Capabilities that allow 16-bit values in memory, and with them every rounding mode of a
 /// conversion (`FPRoundingMode`).
@@ -36,9 +36,9 @@ impl<'m> Declared<'m> {
         let mut open = Vec::new();
         let mut extensions = 0;
         while let Ok(Some(span)) = walker.next() {
-            match opcode(span.opcode).map(|known| known.op) {
-                Some(Op::Capability) => open.push(module.words[span.start + 1]),
-                Some(Op::Extension) => extensions += 1,
+            match InstructionGrammar::of(span.opcode).map(|known| known.op) {
+                Some(Opcode::Capability) => open.push(module.words[span.start + 1]),
+                Some(Opcode::Extension) => extensions += 1,
                 _ => break,
             }
         }

@@ -1,24 +1,22 @@
 //! How a missing declaration is worded, and the id that it is about.
 
-use rspirv::spirv::Op;
-
-use crate::module::grammar::opcode;
+use crate::module::grammar::InstructionGrammar;
 use crate::module::span::Span;
 use crate::module::validate::requirement::capability_name;
-use crate::module::{Id, Module};
+use crate::module::{Id, Module, Opcode};
 
 /// The id that an instruction is about: its result, else the id that it decorates or executes.
 pub(super) fn subject(module: &Module, span: Span) -> Option<Id> {
-    let known = opcode(span.opcode)?;
+    let known = InstructionGrammar::of(span.opcode)?;
     let at = match known.op {
         _ if known.has_result => span.start + 1 + usize::from(known.has_type),
-        Op::Decorate
-        | Op::DecorateId
-        | Op::DecorateString
-        | Op::MemberDecorate
-        | Op::ExecutionMode
-        | Op::ExecutionModeId => span.start + 1,
-        Op::EntryPoint => span.start + 2,
+        Opcode::Decorate
+        | Opcode::DecorateId
+        | Opcode::DecorateString
+        | Opcode::MemberDecorate
+        | Opcode::ExecutionMode
+        | Opcode::ExecutionModeId => span.start + 1,
+        Opcode::EntryPoint => span.start + 2,
         _ => return None,
     };
     (at < span.end).then(|| Id(module.words[at]))
@@ -26,7 +24,7 @@ pub(super) fn subject(module: &Module, span: Span) -> Option<Id> {
 
 /// Says that none of several capabilities is declared, and how to declare the most common.
 pub(super) fn missing_capabilities(all: &[u32]) -> (String, String) {
-    let names: Vec<String> = all.iter().map(|&one| capability_name(one)).collect();
+    let names: Vec<String> = all.iter().map(|&one| capability_name(one).into_owned()).collect();
     let fix = format!("declare `OpCapability {}`", preferred(&names).unwrap_or_default());
     let what = match &names[..] {
         [one] => format!("the capability {one}, which the module does not declare"),

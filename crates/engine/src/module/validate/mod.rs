@@ -37,6 +37,8 @@ mod requirements;
 mod runtime_array;
 mod universal;
 
+pub(crate) use requirement::{capability_name, extensions_of_added};
+
 use serde::Serialize;
 
 use crate::module::{Id, Module};

@@ -10,6 +10,7 @@ use rspirv::grammar::INSTRUCTION_TABLE;
 use rspirv::{dr, spirv};
 use smallvec::SmallVec;
 
+use crate::module::Opcode;
 use crate::module::validate::entry::{Entry, Kind};
 use crate::module::validate::grammar_delta::{
     ENUMERANTS, ENUMERANTS_SINCE, ENUMERANTS_UNTIL, OPCODES, OPCODES_SINCE, OPCODES_UNTIL,
@@ -50,11 +51,11 @@ impl Requirement {
     }
 
     /// Requirements of an instruction; `None` of an unknown opcode.
-    pub(super) fn of_opcode(opcode: u16) -> Option<Self> {
-        let number = u32::from(opcode);
+    pub(super) fn of_opcode(opcode: Opcode) -> Option<Self> {
+        let number = u32::from(opcode.0);
         let found = OPCODES.iter().find(|entry| entry.number == number).map(Self::of_entry);
         let found = found.or_else(|| {
-            let known = INSTRUCTION_TABLE.iter().find(|known| known.opcode as u16 == opcode)?;
+            let known = INSTRUCTION_TABLE.iter().find(|known| opcode == known.opcode.into())?;
             Some(Self {
                 name: known.opname.into(),
                 capabilities: known.capabilities.iter().map(|one| *one as u32).collect(),
@@ -92,10 +93,20 @@ impl Requirement {
     }
 }
 
+/// The extensions of an instruction that rspirv lacks, which are those of its first capability.
+pub(crate) fn extensions_of_added(opcode: Opcode) -> &'static [&'static str] {
+    let entry = OPCODES.iter().find(|entry| entry.number == u32::from(opcode.0));
+    let capability = entry.and_then(|entry| entry.capabilities.first());
+    let capabilities =
+        ENUMERANTS.iter().find(|(kind, _)| *kind == Kind::Capability).map_or(&[][..], |(_, all)| all);
+    let found = capabilities.iter().find(|entry| Some(&entry.number) == capability);
+    found.map_or(&[], |entry| entry.extensions)
+}
+
 /// The name of a capability, those included that rspirv does not know.
-pub(super) fn capability_name(number: u32) -> String {
+pub(crate) fn capability_name(number: u32) -> Cow<'static, str> {
     let known = Requirement::of_enumerant(Kind::Capability, number);
-    known.map_or_else(|| format!("capability {number}"), |known| known.name.into_owned())
+    known.map_or_else(|| format!("capability {number}").into(), |known| known.name)
 }
 
 /// The name of a bit as the specification spells it: rspirv writes `MAKE_POINTER_VISIBLE`.

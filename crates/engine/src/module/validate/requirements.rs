@@ -4,10 +4,10 @@
 //! One walk over the words looks up each distinct instruction and enumerant once, in the grammar;
 //! `universal` adds the rules that the grammar does not encode.
 
-use rspirv::spirv::{Capability, Decoration, Op};
+use rspirv::spirv::{Capability, Decoration};
 use rustc_hash::FxHashSet;
 
-use crate::module::grammar::{opcode, opcode_name, walk};
+use crate::module::grammar::walk;
 use crate::module::span::Span;
 use crate::module::validate::declared::{Declared, STORAGE_16_BIT};
 use crate::module::validate::entry::Kind;
@@ -17,7 +17,7 @@ use crate::module::validate::requirement::{Requirement, is_enumerant, is_mask};
 use crate::module::validate::universal::Universal;
 use crate::module::validate::{ValidationClass, ValidationFinding};
 use crate::module::words::Walker;
-use crate::module::{Id, Module};
+use crate::module::{Id, Module, Opcode};
 
 /// Reports each name whose capability, extension or version the module does not declare.
 pub(super) fn check(module: &Module) -> Vec<ValidationFinding> {
@@ -44,7 +44,7 @@ struct Pass<'m> {
     declared: &'m Declared<'m>,
     universal: Universal<'m>,
     /// Opcodes that were looked up.
-    opcodes: FxHashSet<u16>,
+    opcodes: FxHashSet<Opcode>,
     /// Enumerants and bits that were looked up.
     enumerants: FxHashSet<(Kind, u32)>,
     findings: Vec<ValidationFinding>,
@@ -58,9 +58,9 @@ impl Pass<'_> {
             self.opcode(span, &requirement);
         }
         self.universal.instruction(span);
-        const WITHOUT_ENUMERANTS: [Op; 3] = [Op::Constant, Op::SpecConstant, Op::Switch];
+        const WITHOUT_ENUMERANTS: [Opcode; 3] = [Opcode::Constant, Opcode::SpecConstant, Opcode::Switch];
         // The words of these depend on types; no operand is an enumerant.
-        if WITHOUT_ENUMERANTS.iter().any(|&op| op as u16 == span.opcode) {
+        if WITHOUT_ENUMERANTS.contains(&span.opcode) {
             return;
         }
         let module = self.module;
@@ -174,9 +174,10 @@ impl Pass<'_> {
     }
 
     fn opcode(&mut self, span: Span, requirement: &Requirement) {
-        let name = opcode_name(span.opcode);
-        let name =
-            if opcode(span.opcode).is_some() { name } else { format!("Op{}", requirement.name).into() };
+        let name = match span.opcode.is_known() {
+            true => span.opcode.to_string(),
+            false => format!("Op{}", requirement.name),
+        };
         let rule = format!("SPIR-V grammar, {name}");
         let place = (span.start, self.subject(span));
         // SPV_AMD_shader_ballot adds these without a capability.
@@ -201,7 +202,7 @@ impl Pass<'_> {
         }
         // The declaration of a capability asks for the extension. `Shader` allows this one, too.
         let by_capability =
-            !requirement.capabilities.is_empty() && span.opcode != Op::TerminateInvocation as u16;
+            !requirement.capabilities.is_empty() && span.opcode != Opcode::TerminateInvocation;
         if !by_capability && let Some(missing) = self.missing_extension(requirement) {
             self.report(
                 ValidationClass::Extension,

@@ -42,7 +42,7 @@ fn word_of(module: &Module, id: Id) -> usize {
     let mut walker = Walker::new(&module.words, module.limits);
     while let Ok(Some(span)) = walker.next() {
         // Types have their id first.
-        if module.words.get(span.start + 1) == Some(&id.0) && (19..=33).contains(&span.opcode) {
+        if module.words.get(span.start + 1) == Some(&id.0) && (19..=33).contains(&span.opcode.0) {
             return span.start;
         }
     }

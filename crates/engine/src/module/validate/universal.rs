@@ -1,18 +1,18 @@
 //! Capabilities that the specification requires in its text: sizes of numbers, types in storage
 //! classes, pointers, images, atomics, scopes. The grammar does not encode them.
 
-use rspirv::spirv::{Capability as C, Op, StorageClass as S};
+use rspirv::spirv::{Capability as C, StorageClass as S};
 use rustc_hash::FxHashSet;
 use smallvec::SmallVec;
 
-use crate::module::grammar::{is_id, opcode, opcode_name, walk};
+use crate::module::grammar::{InstructionGrammar, is_id, walk};
 use crate::module::span::Span;
 use crate::module::ty::{ImageType, Type, TypeId};
 use crate::module::validate::declared::{Declared, STORAGE_16_BIT};
 use crate::module::validate::missing::{missing_capabilities, subject};
 use crate::module::validate::{ValidationClass, ValidationFinding};
 use crate::module::words::string;
-use crate::module::{Definition, Id, Module};
+use crate::module::{Definition, Id, Module, Opcode};
 
 const UNIVERSAL: &str = "SPIR-V 2.16.1, Universal Validation Rules";
 const STORAGE_8_BIT: &[C] = &[
@@ -64,26 +64,28 @@ impl<'m> Universal<'m> {
     }
 
     pub(super) fn instruction(&mut self, span: Span) {
-        let Some(known) = opcode(span.opcode) else { return };
+        let Some(known) = InstructionGrammar::of(span.opcode) else { return };
         match known.op {
-            Op::Extension => self.extension(span),
-            Op::ExtInstImport => self.import(span),
-            Op::Capability => self.capability(span),
-            Op::TypeInt | Op::TypeFloat => self.number_type(span),
-            Op::TypeImage => self.image_type(span),
-            Op::TypeCooperativeMatrixKHR | Op::TypeCooperativeMatrixNV => self.matrix_type(span),
-            Op::Variable | Op::UntypedVariableKHR => self.variable(span, known.op),
-            Op::ImageRead | Op::ImageSparseRead => {
+            Opcode::Extension => self.extension(span),
+            Opcode::ExtInstImport => self.import(span),
+            Opcode::Capability => self.capability(span),
+            Opcode::TypeInt | Opcode::TypeFloat => self.number_type(span),
+            Opcode::TypeImage => self.image_type(span),
+            Opcode::TypeCooperativeMatrixKHR | Opcode::TypeCooperativeMatrixNV => self.matrix_type(span),
+            Opcode::Variable | Opcode::UntypedVariableKHR => self.variable(span, known.op),
+            Opcode::ImageRead | Opcode::ImageSparseRead => {
                 self.image_access(span, self.word(span, 3), C::StorageImageReadWithoutFormat);
             }
-            Op::ImageWrite => self.image_access(span, self.word(span, 1), C::StorageImageWriteWithoutFormat),
-            Op::Phi | Op::Select => self.pointer_result(span),
-            Op::PtrAccessChain | Op::InBoundsPtrAccessChain => self.pointer_access(span, known.op),
-            Op::PtrEqual | Op::PtrNotEqual | Op::PtrDiff => self.pointer_comparison(span),
-            Op::FunctionCall => self.call(span),
-            Op::SpecConstantOp => self.spec_constant_op(span),
-            Op::ExtInst => self.extended(span),
-            Op::Dot => self.dot(span),
+            Opcode::ImageWrite => {
+                self.image_access(span, self.word(span, 1), C::StorageImageWriteWithoutFormat)
+            }
+            Opcode::Phi | Opcode::Select => self.pointer_result(span),
+            Opcode::PtrAccessChain | Opcode::InBoundsPtrAccessChain => self.pointer_access(span, known.op),
+            Opcode::PtrEqual | Opcode::PtrNotEqual | Opcode::PtrDiff => self.pointer_comparison(span),
+            Opcode::FunctionCall => self.call(span),
+            Opcode::SpecConstantOp => self.spec_constant_op(span),
+            Opcode::ExtInst => self.extended(span),
+            Opcode::Dot => self.dot(span),
             _ if known.name.starts_with("Atomic") => self.atomic(span, known.has_type),
             _ => {}
         }
@@ -95,11 +97,11 @@ impl<'m> Universal<'m> {
     /// Checks a memory scope.
     pub(super) fn scope(&mut self, span: Span, at: usize, scope: u32) {
         const DEVICE: u32 = 1;
-        let Some(known) = opcode(span.opcode) else { return };
+        let Some(known) = InstructionGrammar::of(span.opcode) else { return };
         let executes = known.name.starts_with("Group")
             || known.name.starts_with("TypeCooperative")
-            || known.op == Op::ReadClockKHR
-            || known.op == Op::ControlBarrier && at == span.start + 1;
+            || known.op == Opcode::ReadClockKHR
+            || known.op == Opcode::ControlBarrier && at == span.start + 1;
         if scope == DEVICE && !executes && self.declared.has(C::VulkanMemoryModel as u32) {
             let what = "the memory scope Device of the Vulkan memory model";
             self.require(span, what, &[C::VulkanMemoryModelDeviceScope], UNIVERSAL);
@@ -197,10 +199,10 @@ impl<'m> Universal<'m> {
         }
     }
 
-    fn variable(&mut self, span: Span, op: Op) {
+    fn variable(&mut self, span: Span, op: Opcode) {
         let class = self.word(span, 3);
         let pointee = match op {
-            Op::UntypedVariableKHR => (span.start + 4 < span.end)
+            Opcode::UntypedVariableKHR => (span.start + 4 < span.end)
                 .then(|| self.module.type_with_id(Id(self.word(span, 4))))
                 .flatten(),
             _ => self.module.type_with_id(Id(self.word(span, 1))).and_then(|ty| self.pointee(ty)),
@@ -296,7 +298,7 @@ impl<'m> Universal<'m> {
         else {
             return;
         };
-        let name = opcode_name(span.opcode);
+        let name = span.opcode;
         if sampled == 2 {
             let by_dimension = match dim {
                 DIM_1D => Some(("1D", C::Image1D)),
@@ -345,21 +347,21 @@ impl<'m> Universal<'m> {
         let ty = self.module.type_with_id(Id(self.word(span, 1)));
         let is_pointer = ty.is_some_and(|ty| matches!(self.module.ty(ty), Type::Pointer { .. }));
         if is_pointer && self.is_logical() {
-            let what = format!("{} of pointers", opcode_name(span.opcode));
+            let what = format!("{} of pointers", span.opcode);
             self.require(span, &what, VARIABLE_POINTERS, UNIVERSAL);
         }
     }
 
-    fn pointer_access(&mut self, span: Span, op: Op) {
-        let name = opcode_name(span.opcode);
-        if op == Op::PtrAccessChain && self.is_logical() {
-            self.require(span, &name, VARIABLE_POINTERS, UNIVERSAL);
+    fn pointer_access(&mut self, span: Span, op: Opcode) {
+        let name = span.opcode;
+        if op == Opcode::PtrAccessChain && self.is_logical() {
+            self.require(span, &name.to_string(), VARIABLE_POINTERS, UNIVERSAL);
         }
         let class = self.storage_class(self.word(span, 3));
-        if op == Op::PtrAccessChain && class == Some(S::Workgroup as u32) {
+        if op == Opcode::PtrAccessChain && class == Some(S::Workgroup as u32) {
             let what = format!("{name} in Workgroup");
             self.require(span, &what, &[C::VariablePointers], "VUID-StandaloneSpirv-Base-07651");
-        } else if op == Op::PtrAccessChain && class == Some(S::StorageBuffer as u32) {
+        } else if op == Opcode::PtrAccessChain && class == Some(S::StorageBuffer as u32) {
             let what = format!("{name} in StorageBuffer");
             self.require(span, &what, VARIABLE_POINTERS, "VUID-StandaloneSpirv-Base-07652");
         }
@@ -367,8 +369,8 @@ impl<'m> Universal<'m> {
 
     fn pointer_comparison(&mut self, span: Span) {
         if self.is_logical() {
-            let name = opcode_name(span.opcode);
-            self.require(span, &name, VARIABLE_POINTERS, UNIVERSAL);
+            let name = span.opcode;
+            self.require(span, &name.to_string(), VARIABLE_POINTERS, UNIVERSAL);
             if self.storage_class(self.word(span, 3)) == Some(S::Workgroup as u32) {
                 let what = format!("{name} of pointers to Workgroup");
                 self.require(span, &what, &[C::VariablePointers], UNIVERSAL);
@@ -389,38 +391,42 @@ impl<'m> Universal<'m> {
     }
 
     fn spec_constant_op(&mut self, span: Span) {
-        let Some(inner) = u16::try_from(self.word(span, 3)).ok().and_then(opcode) else { return };
+        let Some(inner) =
+            self.module.words.get(span.start + 3).and_then(|&word| InstructionGrammar::of_word(word))
+        else {
+            return;
+        };
         let what = format!("OpSpecConstantOp of Op{}", inner.name);
         let rule = "SPIR-V, OpSpecConstantOp";
         match inner.op {
-            Op::QuantizeToF16 => self.require(span, &what, &[C::Shader], rule),
-            Op::UConvert => {
+            Opcode::QuantizeToF16 => self.require(span, &what, &[C::Shader], rule),
+            Opcode::UConvert => {
                 let is_allowed = self.declared.version >= 4
                     || self.declared.has_any_extension(&["SPV_AMD_gpu_shader_int16"]);
                 if !is_allowed {
                     self.require(span, &what, &[C::Kernel], rule);
                 }
             }
-            Op::ConvertFToS
-            | Op::ConvertSToF
-            | Op::ConvertFToU
-            | Op::ConvertUToF
-            | Op::ConvertPtrToU
-            | Op::ConvertUToPtr
-            | Op::GenericCastToPtr
-            | Op::PtrCastToGeneric
-            | Op::Bitcast
-            | Op::FNegate
-            | Op::FAdd
-            | Op::FSub
-            | Op::FMul
-            | Op::FDiv
-            | Op::FRem
-            | Op::FMod
-            | Op::AccessChain
-            | Op::InBoundsAccessChain
-            | Op::PtrAccessChain
-            | Op::InBoundsPtrAccessChain => self.require(span, &what, &[C::Kernel], rule),
+            Opcode::ConvertFToS
+            | Opcode::ConvertSToF
+            | Opcode::ConvertFToU
+            | Opcode::ConvertUToF
+            | Opcode::ConvertPtrToU
+            | Opcode::ConvertUToPtr
+            | Opcode::GenericCastToPtr
+            | Opcode::PtrCastToGeneric
+            | Opcode::Bitcast
+            | Opcode::FNegate
+            | Opcode::FAdd
+            | Opcode::FSub
+            | Opcode::FMul
+            | Opcode::FDiv
+            | Opcode::FRem
+            | Opcode::FMod
+            | Opcode::AccessChain
+            | Opcode::InBoundsAccessChain
+            | Opcode::PtrAccessChain
+            | Opcode::InBoundsPtrAccessChain => self.require(span, &what, &[C::Kernel], rule),
             _ => {}
         }
     }
@@ -447,18 +453,18 @@ impl<'m> Universal<'m> {
     }
 
     fn atomic(&mut self, span: Span, has_result: bool) {
-        let name = opcode_name(span.opcode);
+        let name = span.opcode;
         let pointer = self.word(span, if has_result { 3 } else { 1 });
         let result = has_result.then(|| self.module.type_with_id(Id(self.word(span, 1)))).flatten();
         let stored = || self.module.type_of(Id(self.word(span, 4)));
         let data = self.module.pointee(Id(pointer)).or(result);
-        let data = data.or_else(|| (name == "OpAtomicStore").then(stored).flatten());
+        let data = data.or_else(|| (name == Opcode::AtomicStore).then(stored).flatten());
         if matches!(data.map(|ty| self.module.ty(ty)), Some(Type::Int { width: 64, .. })) {
             let what = format!("{name} of 64 bits");
             self.require(span, &what, &[C::Int64Atomics], "SPIR-V, capability Int64Atomics");
         }
-        let adds = name == "OpAtomicFAddEXT";
-        if !adds && name != "OpAtomicFMinEXT" && name != "OpAtomicFMaxEXT"
+        let adds = name == Opcode::AtomicFAddEXT;
+        if !adds && name != Opcode::AtomicFMinEXT && name != Opcode::AtomicFMaxEXT
             || !self.declared.has(C::Shader as u32)
         {
             return;
@@ -494,29 +500,29 @@ impl<'m> Universal<'m> {
 
     /// Values of 8- and 16-bit numbers that are declared for memory alone can be loaded, stored
     /// and converted to another width.
-    fn small_result(&mut self, span: Span, op: Op) {
+    fn small_result(&mut self, span: Span, op: Opcode) {
         if !self.declared.has(C::Shader as u32) {
             return;
         }
-        let Some(known) = opcode(span.opcode) else { return };
+        let Some(known) = InstructionGrammar::of(span.opcode) else { return };
         let result = known.has_type.then(|| self.module.type_with_id(Id(self.word(span, 1)))).flatten();
         let result = result.map_or(0, |ty| self.restricted_value(ty));
         let creates = match op {
-            Op::Undef
-            | Op::VectorExtractDynamic
-            | Op::VectorInsertDynamic
-            | Op::CompositeConstruct
-            | Op::CompositeExtract
-            | Op::CompositeInsert
-            | Op::Transpose
-            | Op::VectorShuffle
-            | Op::CopyLogical
-            | Op::ConvertFToU
-            | Op::ConvertFToS
-            | Op::ConvertSToF
-            | Op::ConvertUToF
-            | Op::Bitcast => true,
-            Op::Load => {
+            Opcode::Undef
+            | Opcode::VectorExtractDynamic
+            | Opcode::VectorInsertDynamic
+            | Opcode::CompositeConstruct
+            | Opcode::CompositeExtract
+            | Opcode::CompositeInsert
+            | Opcode::Transpose
+            | Opcode::VectorShuffle
+            | Opcode::CopyLogical
+            | Opcode::ConvertFToU
+            | Opcode::ConvertFToS
+            | Opcode::ConvertSToF
+            | Opcode::ConvertUToF
+            | Opcode::Bitcast => true,
+            Opcode::Load => {
                 let ty = self.module.type_with_id(Id(self.word(span, 1))).map(|ty| self.module.ty(ty));
                 matches!(ty, Some(Type::Struct { .. } | Type::Array { .. }))
             }
@@ -525,19 +531,19 @@ impl<'m> Universal<'m> {
         let mut restricted = if creates { result } else { 0 };
         let allows = matches!(
             op,
-            Op::Decorate
-                | Op::DecorateId
-                | Op::CopyObject
-                | Op::Store
-                | Op::FConvert
-                | Op::UConvert
-                | Op::SConvert
-                | Op::Name
+            Opcode::Decorate
+                | Opcode::DecorateId
+                | Opcode::CopyObject
+                | Opcode::Store
+                | Opcode::FConvert
+                | Opcode::UConvert
+                | Opcode::SConvert
+                | Opcode::Name
         );
         if !allows {
             restricted |= self.restricted_operands(span);
         }
-        if matches!(op, Op::CopyMemory | Op::CopyMemorySized)
+        if matches!(op, Opcode::CopyMemory | Opcode::CopyMemorySized)
             && let Some(pointee) = self.module.pointee(Id(self.word(span, 1)))
         {
             restricted |= self.small_of(pointee) & self.restricted;
@@ -548,7 +554,7 @@ impl<'m> Universal<'m> {
             (FLOAT16, "16-bit floats", C::Float16),
         ] {
             if restricted & bit != 0 {
-                let what = format!("{} of {bits}", opcode_name(span.opcode));
+                let what = format!("{} of {bits}", span.opcode);
                 self.require(span, &what, &[capability], UNIVERSAL);
             }
         }
@@ -556,8 +562,8 @@ impl<'m> Universal<'m> {
 
     /// The restricted numbers in the values that an instruction uses.
     fn restricted_operands(&self, span: Span) -> u8 {
-        let Some(known) = opcode(span.opcode) else { return 0 };
-        if matches!(known.op, Op::Constant | Op::SpecConstant | Op::Switch) {
+        let Some(known) = InstructionGrammar::of(span.opcode) else { return 0 };
+        if matches!(known.op, Opcode::Constant | Opcode::SpecConstant | Opcode::Switch) {
             return 0;
         }
         let mut restricted = 0;

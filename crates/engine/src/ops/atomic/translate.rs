@@ -1,11 +1,11 @@
 //! Translates atomic instructions to operations.
 
-use rspirv::spirv::{Capability, Op as Opcode};
+use rspirv::spirv::Capability;
 use smallvec::SmallVec;
 
 use crate::machine::Reg;
-use crate::module::Instruction;
 use crate::module::ty::{Type, TypeId};
+use crate::module::{Instruction, Opcode};
 use crate::ops::atomic::{AtomicKind, AtomicOp, AtomicTarget};
 use crate::ops::memory::Chunk;
 use crate::ops::op::Op as Operation;

@@ -1,6 +1,6 @@
 //! Instructions that read a hit object.
 
-use rspirv::spirv::Op as Opcode;
+use crate::module::Opcode;
 
 use crate::accel::Committed;
 use crate::geometry::ObjectRay;

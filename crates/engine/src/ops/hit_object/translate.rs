@@ -1,13 +1,12 @@
 //! Translates the hit object instructions of a module to operations.
 
-use rspirv::spirv::Op as Opcode;
 use smallvec::SmallVec;
 
 use crate::machine::Reg;
 use crate::machine::stop::RegSpan;
-use crate::module::Instruction;
 use crate::module::interface::Stage;
 use crate::module::ty::Type;
+use crate::module::{Instruction, Opcode};
 use crate::ops::builtin::ValueShape;
 use crate::ops::hit_object::getters::GETTERS;
 use crate::ops::hit_object::{HitObjectOp, MISS_OPERANDS, hit_operands};
@@ -253,7 +252,7 @@ fn check_stage(translator: &Translator<'_>, opcode: Opcode, instruction: &Instru
     if allowed {
         return Ok(());
     }
-    let name = crate::module::names::opcode_name(instruction.opcode);
+    let name = instruction.opcode;
     let stages = if reorders { "ray generation" } else { "ray generation, closest hit and miss" };
     let found = translator.stage.name();
     Err(translator.invalid(format!(
@@ -265,7 +264,7 @@ fn check_stage(translator: &Translator<'_>, opcode: Opcode, instruction: &Instru
 fn check_hint(translator: &Translator<'_>, opcode: Opcode, instruction: &Instruction) -> Result<()> {
     let hint = hint_operand(opcode);
     if hint.is_some_and(|hint| translator.operands(instruction).len() == hint + 1) {
-        let name = crate::module::names::opcode_name(instruction.opcode);
+        let name = instruction.opcode;
         return Err(translator.invalid(format!(
             "{name} has a hint, but no number of bits (SPV_EXT_shader_invocation_reorder)"
         )));
@@ -327,7 +326,7 @@ fn consecutive_operands(
     count: u32,
 ) -> Result<Reg> {
     if words.len() != count as usize {
-        let name = crate::module::names::opcode_name(instruction.opcode);
+        let name = instruction.opcode;
         let error = translator.invalid(format!("the operands of {name} have wrong types"));
         return Err(error.note("SPV_NV_shader_invocation_reorder, SPV_EXT_shader_invocation_reorder"));
     }
@@ -375,13 +374,8 @@ mod tests {
             (Opcode::HitObjectReorderExecuteShaderEXT, REORDERING),
             (Opcode::HitObjectTraceReorderExecuteEXT, REORDERING),
         ] {
-            let instruction = Instruction {
-                opcode: opcode as u16,
-                offset: 0,
-                result_type: None,
-                result: None,
-                operands: 0..0,
-            };
+            let instruction =
+                Instruction { opcode: opcode, offset: 0, result_type: None, result: None, operands: 0..0 };
             for stage in [
                 Stage::RayGeneration,
                 Stage::Intersection,

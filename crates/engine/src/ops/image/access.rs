@@ -4,13 +4,11 @@
 //! Outside the image a store has no effect and a read gives zeros
 //! ([`MemoryPolicy`](crate::machine::MemoryPolicy)).
 
-use rspirv::spirv::Op as Opcode;
-
 use crate::machine::format::Class;
 use crate::machine::{Reg, TrapCode};
 use crate::math::array;
-use crate::module::Instruction;
 use crate::module::ty::Type;
+use crate::module::{Instruction, Opcode};
 use crate::ops::access::Access;
 use crate::ops::image::declared::{check_texel, texel_result, view_of};
 use crate::ops::image::operands::Operands;

@@ -5,14 +5,12 @@
 //! sampler with anisotropy, whose probes are implementation-defined. A texel whose weight is 0 is
 //! not read. The requested granularity always suffices, and is reported as 0.
 
-use rspirv::spirv::Op as Opcode;
-
 use crate::machine::image::Dimension;
 use crate::machine::sampler::AddressMode;
 use crate::machine::{Reg, TrapCode};
 use crate::math::array;
-use crate::module::Instruction;
 use crate::module::ty::Type;
+use crate::module::{Instruction, Opcode};
 use crate::ops::access::Access;
 use crate::ops::derivative::derivative;
 use crate::ops::image::ImageOp;

@@ -30,7 +30,7 @@ pub mod texel_ref;
 mod translate;
 pub mod view;
 
-use rspirv::spirv::Op as Opcode;
+use crate::module::Opcode;
 
 use crate::machine::{AccessFault, Batch, Bindings, Mask, Reg, Registers, TrapCode};
 use anyhit_base::error::Result;
@@ -274,7 +274,7 @@ mod tests {
         let module = a.loaded();
         for &opcode in IMPLICIT {
             let instruction = Instruction {
-                opcode: opcode as u16,
+                opcode: opcode,
                 offset: 0,
                 result_type: Some(Id(1)),
                 result: Some(Id(2)),

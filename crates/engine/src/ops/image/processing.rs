@@ -7,14 +7,12 @@
 //! box are clamped to 1 to 64 texels. A block that exceeds the reference image traps its lane: its
 //! result is undefined.
 
-use rspirv::spirv::Op as Opcode;
-
 use crate::machine::format::Class;
 use crate::machine::image::{Dimension, Image, Position};
 use crate::machine::sampler::{ReductionMode, Sampler};
 use crate::machine::{Reg, TrapCode};
 use crate::math::array;
-use crate::module::{Id, Instruction};
+use crate::module::{Id, Instruction, Opcode};
 use crate::ops::access::Access;
 use crate::ops::image::declared::{texel_result, view_of};
 use crate::ops::image::filter::Lookup;
@@ -333,7 +331,6 @@ pub const OPCODES: &[Opcode] = &[
 
 /// Translates image processing; `false` for any other instruction.
 pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
-    use Opcode::*;
     if !OPCODES.contains(&opcode) {
         return Ok(false);
     }
@@ -341,19 +338,23 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
     let target = sampled(translator, instruction, 0, &planes)?;
     let coordinate = pair(translator, instruction, 1)?;
     let kind = match opcode {
-        ImageBoxFilterQCOM => ProcessKind::BoxFilter(pair(translator, instruction, 2)?),
-        ImageSampleWeightedQCOM => {
+        Opcode::ImageBoxFilterQCOM => ProcessKind::BoxFilter(pair(translator, instruction, 2)?),
+        Opcode::ImageSampleWeightedQCOM => {
             let kinds = [Dimension::D2Array, Dimension::D1Array];
             ProcessKind::Weighted(sampled(translator, instruction, 2, &kinds)?)
         }
         _ => {
             let squared = matches!(
                 opcode,
-                ImageBlockMatchSSDQCOM | ImageBlockMatchWindowSSDQCOM | ImageBlockMatchGatherSSDQCOM
+                Opcode::ImageBlockMatchSSDQCOM
+                    | Opcode::ImageBlockMatchWindowSSDQCOM
+                    | Opcode::ImageBlockMatchGatherSSDQCOM
             );
             let mode = match opcode {
-                ImageBlockMatchSSDQCOM | ImageBlockMatchSADQCOM => BlockMatchMode::Single,
-                ImageBlockMatchGatherSSDQCOM | ImageBlockMatchGatherSADQCOM => BlockMatchMode::Gather,
+                Opcode::ImageBlockMatchSSDQCOM | Opcode::ImageBlockMatchSADQCOM => BlockMatchMode::Single,
+                Opcode::ImageBlockMatchGatherSSDQCOM | Opcode::ImageBlockMatchGatherSADQCOM => {
+                    BlockMatchMode::Gather
+                }
                 _ => BlockMatchMode::Window,
             };
             ProcessKind::BlockMatch {

@@ -1,10 +1,8 @@
 //! Image queries: sizes, levels, samples.
 
-use rspirv::spirv::Op as Opcode;
-
 use crate::machine::image::Dimension;
 use crate::machine::{Reg, TrapCode};
-use crate::module::Instruction;
+use crate::module::{Instruction, Opcode};
 use crate::ops::access::Access;
 use crate::ops::image::declared::{texel_result, view_of};
 use crate::ops::image::reader::LaneReader;

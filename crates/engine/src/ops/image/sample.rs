@@ -1,13 +1,11 @@
 //! Sampling and gathering, with a level of detail from an operand or from derivatives, and the
 //! query for that level.
 
-use rspirv::spirv::Op as Opcode;
-
 use crate::machine::image::Dimension;
 use crate::machine::{Reg, TrapCode};
 use crate::math::array;
-use crate::module::Instruction;
 use crate::module::ty::Type;
+use crate::module::{Instruction, Opcode};
 use crate::ops::access::Access;
 use crate::ops::arithmetic::FDiv;
 use crate::ops::derivative::derivative;
@@ -133,26 +131,25 @@ fn components(dimension: Dimension) -> usize {
 
 /// Translates sampling and gathering; `false` for any other instruction.
 pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
-    use Opcode::*;
     let implicit = super::IMPLICIT.contains(&opcode);
     let (compared, projected, gathers, sparse) = match opcode {
-        ImageSampleImplicitLod => (false, false, false, false),
-        ImageSampleDrefImplicitLod => (true, false, false, false),
-        ImageSparseSampleImplicitLod => (false, false, false, true),
-        ImageSparseSampleDrefImplicitLod => (true, false, false, true),
-        ImageSampleProjImplicitLod => (false, true, false, false),
-        ImageSampleProjDrefImplicitLod => (true, true, false, false),
-        ImageQueryLod => (false, false, false, false),
-        ImageSampleExplicitLod => (false, false, false, false),
-        ImageSampleDrefExplicitLod => (true, false, false, false),
-        ImageSampleProjExplicitLod => (false, true, false, false),
-        ImageSampleProjDrefExplicitLod => (true, true, false, false),
-        ImageGather => (false, false, true, false),
-        ImageDrefGather => (true, false, true, false),
-        ImageSparseSampleExplicitLod => (false, false, false, true),
-        ImageSparseSampleDrefExplicitLod => (true, false, false, true),
-        ImageSparseGather => (false, false, true, true),
-        ImageSparseDrefGather => (true, false, true, true),
+        Opcode::ImageSampleImplicitLod => (false, false, false, false),
+        Opcode::ImageSampleDrefImplicitLod => (true, false, false, false),
+        Opcode::ImageSparseSampleImplicitLod => (false, false, false, true),
+        Opcode::ImageSparseSampleDrefImplicitLod => (true, false, false, true),
+        Opcode::ImageSampleProjImplicitLod => (false, true, false, false),
+        Opcode::ImageSampleProjDrefImplicitLod => (true, true, false, false),
+        Opcode::ImageQueryLod => (false, false, false, false),
+        Opcode::ImageSampleExplicitLod => (false, false, false, false),
+        Opcode::ImageSampleDrefExplicitLod => (true, false, false, false),
+        Opcode::ImageSampleProjExplicitLod => (false, true, false, false),
+        Opcode::ImageSampleProjDrefExplicitLod => (true, true, false, false),
+        Opcode::ImageGather => (false, false, true, false),
+        Opcode::ImageDrefGather => (true, false, true, false),
+        Opcode::ImageSparseSampleExplicitLod => (false, false, false, true),
+        Opcode::ImageSparseSampleDrefExplicitLod => (true, false, false, true),
+        Opcode::ImageSparseGather => (false, false, true, true),
+        Opcode::ImageSparseDrefGather => (true, false, true, true),
         _ => return Ok(false),
     };
     let id = translator.id(instruction, 0)?;
@@ -171,7 +168,7 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
     let mut operands = Operands::read(translator, instruction, at, implicit)?;
     let mut coordinate = float_coordinates(translator, instruction)?;
     let dimension = view.dimension;
-    let queries = opcode == ImageQueryLod;
+    let queries = opcode == Opcode::ImageQueryLod;
     // A query has no array coordinate.
     let count = components(dimension) + usize::from(dimension.is_arrayed() && !queries);
     if coordinate.len() < count + usize::from(projected) {

@@ -1,10 +1,9 @@
 //! Translates image instructions to operations.
 
-use rspirv::spirv::Op as Opcode;
 use smallvec::SmallVec;
 
 use crate::module::ty::{ImageType, Type, TypeId};
-use crate::module::{Instruction, Module};
+use crate::module::{Instruction, Module, Opcode};
 use crate::ops::image::{IMPLICIT, access, footprint, processing, query, sample};
 use crate::ops::translate::Translator;
 use anyhit_base::error::Result;
@@ -35,7 +34,7 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
             translator.define_result(instruction, SmallVec::from_slice(&[resident]));
         }
         _ if IMPLICIT.contains(&opcode) && !translator.derivatives => {
-            let name = crate::module::names::opcode_name(instruction.opcode);
+            let name = instruction.opcode;
             return Err(translator.invalid(format!(
                 "{name} requires implicit derivatives, which only fragment stages and compute with a \
                  derivative group have (SPIR-V 3.3.10, \"{name}\"): specify the level of detail or \

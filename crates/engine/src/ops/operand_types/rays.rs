@@ -1,7 +1,7 @@
 //! The types of the operands of instructions that trace rays, query them, or record their hits. All
 //! have 32 bits.
 
-use rspirv::spirv::Op;
+use crate::module::Opcode;
 
 use crate::ops::operand_types::TypeConstraint::{self, Any, Scalar, ScalarBits, VectorBits};
 use crate::ops::operand_types::kinds::{BOOL, FLOAT, INT, UINT};
@@ -17,9 +17,9 @@ const VECTOR: TypeConstraint = VectorBits(FLOAT, 32, 3);
 macro_rules! ray_rules {
     ($($($op:ident)|+ : [$($operand:ident)*] $(-> $result:expr)?;)*) => {
         /// The rule of an instruction.
-        pub(super) fn ray(number: u16) -> Option<&'static OperandTypeRule> {
-            Some(match Op::from_u32(number.into())? {
-                $($(Op::$op)|+ => {
+        pub(super) fn ray(opcode: Opcode) -> Option<&'static OperandTypeRule> {
+            Some(match opcode {
+                $($(Opcode::$op)|+ => {
                     static RULE: OperandTypeRule = rule(ray_rules!(@ $($result)?), &[$($operand),*]);
                     &RULE
                 })*

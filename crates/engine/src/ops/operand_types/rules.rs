@@ -1,6 +1,7 @@
 //! The rules: instructions with operands of the same types share one.
 
-use rspirv::spirv::{GlslStd450Op as G, Op};
+use crate::module::Opcode;
+use rspirv::spirv::GlslStd450Op as G;
 
 use crate::ops::operand_types::TypeConstraint::{
     self, Any, Bits, ComponentOf, Condition, MemberOf, OfKind, OtherWidth, Pair, Pointee, PointerTo, SameAs,
@@ -33,204 +34,210 @@ static UINT_BINARY: OperandTypeRule = rule(OfKind(UINT), &[SameAs(0), SameAs(0)]
 static BOOL_BINARY: OperandTypeRule = rule(OfKind(BOOL), &[SameAs(0), SameAs(0)]);
 
 /// The rule of an opcode; `None` where its translator checks for itself.
-pub fn core(number: u16) -> Option<&'static OperandTypeRule> {
-    Some(match Op::from_u32(number.into())? {
-        Op::FNegate => &FLOAT_UNARY,
-        Op::FAdd | Op::FSub | Op::FMul | Op::FDiv | Op::FRem | Op::FMod => &FLOAT_BINARY,
-        Op::FmaKHR => &FLOAT_TERNARY,
-        Op::UDiv | Op::UMod => &UINT_BINARY,
-        Op::SNegate | Op::Not => &INT_UNARY,
-        Op::IAdd | Op::ISub | Op::IMul | Op::SDiv | Op::SMod | Op::SRem => &INT_BINARY,
-        Op::BitwiseOr | Op::BitwiseXor | Op::BitwiseAnd => &INT_BINARY,
-        Op::IAddCarry | Op::ISubBorrow | Op::UMulExtended => {
+pub fn core(opcode: Opcode) -> Option<&'static OperandTypeRule> {
+    Some(match opcode {
+        Opcode::FNegate => &FLOAT_UNARY,
+        Opcode::FAdd | Opcode::FSub | Opcode::FMul | Opcode::FDiv | Opcode::FRem | Opcode::FMod => {
+            &FLOAT_BINARY
+        }
+        Opcode::FmaKHR => &FLOAT_TERNARY,
+        Opcode::UDiv | Opcode::UMod => &UINT_BINARY,
+        Opcode::SNegate | Opcode::Not => &INT_UNARY,
+        Opcode::IAdd | Opcode::ISub | Opcode::IMul | Opcode::SDiv | Opcode::SMod | Opcode::SRem => {
+            &INT_BINARY
+        }
+        Opcode::BitwiseOr | Opcode::BitwiseXor | Opcode::BitwiseAnd => &INT_BINARY,
+        Opcode::IAddCarry | Opcode::ISubBorrow | Opcode::UMulExtended => {
             static RULE: OperandTypeRule = rule(Pair(UINT), &[MemberOf(0), MemberOf(0)]);
             &RULE
         }
-        Op::SMulExtended => {
+        Opcode::SMulExtended => {
             static RULE: OperandTypeRule = rule(Pair(INT), &[MemberOf(0), MemberOf(0)]);
             &RULE
         }
-        Op::Dot => {
+        Opcode::Dot => {
             static RULE: OperandTypeRule = rule(Scalar(FLOAT), &[VectorOf(0), SameAs(1)]);
             &RULE
         }
-        Op::VectorTimesScalar => {
+        Opcode::VectorTimesScalar => {
             static RULE: OperandTypeRule = rule(Vector(FLOAT), &[SameAs(0), ComponentOf(0)]);
             &RULE
         }
-        Op::MatrixTimesScalar => {
+        Opcode::MatrixTimesScalar => {
             static RULE: OperandTypeRule = rule(Any, &[SameAs(0), ComponentOf(0)]);
             &RULE
         }
-        Op::ShiftLeftLogical | Op::ShiftRightLogical | Op::ShiftRightArithmetic => {
+        Opcode::ShiftLeftLogical | Opcode::ShiftRightLogical | Opcode::ShiftRightArithmetic => {
             static RULE: OperandTypeRule = rule(OfKind(INT), &[SameShape(INT, 0), SameCount(INT, 0)]);
             &RULE
         }
-        Op::BitFieldInsert => {
+        Opcode::BitFieldInsert => {
             static RULE: OperandTypeRule =
                 rule(OfKind(INT), &[SameAs(0), SameAs(0), Scalar(INT), Scalar(INT)]);
             &RULE
         }
-        Op::BitFieldSExtract | Op::BitFieldUExtract => {
+        Opcode::BitFieldSExtract | Opcode::BitFieldUExtract => {
             static RULE: OperandTypeRule = rule(OfKind(INT), &[SameAs(0), Scalar(INT), Scalar(INT)]);
             &RULE
         }
-        Op::BitReverse => {
+        Opcode::BitReverse => {
             static RULE: OperandTypeRule = rule(OfKind(INT), &[SameAs(0)]);
             &RULE
         }
-        Op::BitCount => {
+        Opcode::BitCount => {
             static RULE: OperandTypeRule = rule(OfKind(INT), &[SameCount(INT, 0)]);
             &RULE
         }
-        Op::Any | Op::All => {
+        Opcode::Any | Opcode::All => {
             static RULE: OperandTypeRule = rule(Scalar(BOOL), &[Vector(BOOL)]);
             &RULE
         }
-        Op::IsNan | Op::IsInf => {
+        Opcode::IsNan | Opcode::IsInf => {
             static RULE: OperandTypeRule = rule(OfKind(BOOL), &[SameCount(FLOAT, 0)]);
             &RULE
         }
-        Op::FOrdEqual
-        | Op::FUnordEqual
-        | Op::FOrdNotEqual
-        | Op::FUnordNotEqual
-        | Op::FOrdLessThan
-        | Op::FUnordLessThan
-        | Op::FOrdGreaterThan
-        | Op::FUnordGreaterThan
-        | Op::FOrdLessThanEqual
-        | Op::FUnordLessThanEqual
-        | Op::FOrdGreaterThanEqual
-        | Op::FUnordGreaterThanEqual
-        | Op::LessOrGreater
-        | Op::Ordered
-        | Op::Unordered => {
+        Opcode::FOrdEqual
+        | Opcode::FUnordEqual
+        | Opcode::FOrdNotEqual
+        | Opcode::FUnordNotEqual
+        | Opcode::FOrdLessThan
+        | Opcode::FUnordLessThan
+        | Opcode::FOrdGreaterThan
+        | Opcode::FUnordGreaterThan
+        | Opcode::FOrdLessThanEqual
+        | Opcode::FUnordLessThanEqual
+        | Opcode::FOrdGreaterThanEqual
+        | Opcode::FUnordGreaterThanEqual
+        | Opcode::LessOrGreater
+        | Opcode::Ordered
+        | Opcode::Unordered => {
             static RULE: OperandTypeRule = rule(OfKind(BOOL), &[SameCount(FLOAT, 0), SameAs(1)]);
             &RULE
         }
-        Op::LogicalEqual | Op::LogicalNotEqual | Op::LogicalOr | Op::LogicalAnd => &BOOL_BINARY,
-        Op::LogicalNot => {
+        Opcode::LogicalEqual | Opcode::LogicalNotEqual | Opcode::LogicalOr | Opcode::LogicalAnd => {
+            &BOOL_BINARY
+        }
+        Opcode::LogicalNot => {
             static RULE: OperandTypeRule = rule(OfKind(BOOL), &[SameAs(0)]);
             &RULE
         }
-        Op::IEqual
-        | Op::INotEqual
-        | Op::UGreaterThan
-        | Op::UGreaterThanEqual
-        | Op::ULessThan
-        | Op::ULessThanEqual
-        | Op::SGreaterThan
-        | Op::SGreaterThanEqual
-        | Op::SLessThan
-        | Op::SLessThanEqual => {
+        Opcode::IEqual
+        | Opcode::INotEqual
+        | Opcode::UGreaterThan
+        | Opcode::UGreaterThanEqual
+        | Opcode::ULessThan
+        | Opcode::ULessThanEqual
+        | Opcode::SGreaterThan
+        | Opcode::SGreaterThanEqual
+        | Opcode::SLessThan
+        | Opcode::SLessThanEqual => {
             static RULE: OperandTypeRule = rule(OfKind(BOOL), &[SameCount(INT, 0), SameShape(INT, 1)]);
             &RULE
         }
-        Op::Select => {
+        Opcode::Select => {
             static RULE: OperandTypeRule = rule(Any, &[Condition(0), SameAs(0), SameAs(0)]);
             &RULE
         }
-        Op::ConvertFToU => {
+        Opcode::ConvertFToU => {
             static RULE: OperandTypeRule = rule(OfKind(UINT), &[SameCount(FLOAT, 0)]);
             &RULE
         }
-        Op::ConvertFToS => {
+        Opcode::ConvertFToS => {
             static RULE: OperandTypeRule = rule(OfKind(INT), &[SameCount(FLOAT, 0)]);
             &RULE
         }
-        Op::ConvertSToF | Op::ConvertUToF => {
+        Opcode::ConvertSToF | Opcode::ConvertUToF => {
             static RULE: OperandTypeRule = rule(OfKind(FLOAT), &[SameCount(INT, 0)]);
             &RULE
         }
-        Op::UConvert => {
+        Opcode::UConvert => {
             static RULE: OperandTypeRule = rule(OfKind(UINT), &[OtherWidth(INT, 0)]);
             &RULE
         }
-        Op::SConvert => {
+        Opcode::SConvert => {
             static RULE: OperandTypeRule = rule(OfKind(INT), &[OtherWidth(INT, 0)]);
             &RULE
         }
-        Op::FConvert => {
+        Opcode::FConvert => {
             static RULE: OperandTypeRule = rule(OfKind(FLOAT), &[OtherWidth(FLOAT, 0)]);
             &RULE
         }
-        Op::QuantizeToF16 => {
+        Opcode::QuantizeToF16 => {
             static RULE: OperandTypeRule = rule(Bits(FLOAT, 32), &[SameAs(0)]);
             &RULE
         }
-        Op::SatConvertSToU => &INT_UNARY,
-        Op::ArrayLength => {
+        Opcode::SatConvertSToU => &INT_UNARY,
+        Opcode::ArrayLength => {
             static RULE: OperandTypeRule = rule(ScalarBits(UINT, 32), &[]);
             &RULE
         }
-        Op::PtrEqual | Op::PtrNotEqual => {
+        Opcode::PtrEqual | Opcode::PtrNotEqual => {
             static RULE: OperandTypeRule = rule(Scalar(BOOL), &[Any, SameAs(1)]);
             &RULE
         }
-        Op::PtrDiff => {
+        Opcode::PtrDiff => {
             static RULE: OperandTypeRule = rule(Scalar(INT), &[Any, SameAs(1)]);
             &RULE
         }
-        Op::ConvertPtrToU => {
+        Opcode::ConvertPtrToU => {
             static RULE: OperandTypeRule = rule(Scalar(UINT), &[]);
             &RULE
         }
-        Op::ConvertUToPtr => {
+        Opcode::ConvertUToPtr => {
             static RULE: OperandTypeRule = rule(Any, &[Scalar(INT)]);
             &RULE
         }
-        Op::ImageGather | Op::ImageSparseGather => {
+        Opcode::ImageGather | Opcode::ImageSparseGather => {
             static RULE: OperandTypeRule = rule(Any, &[Any, Any, ScalarBits(INT, 32)]);
             &RULE
         }
-        Op::ImageSampleDrefImplicitLod
-        | Op::ImageSampleDrefExplicitLod
-        | Op::ImageSampleProjDrefImplicitLod
-        | Op::ImageSampleProjDrefExplicitLod
-        | Op::ImageSparseSampleDrefImplicitLod
-        | Op::ImageSparseSampleDrefExplicitLod
-        | Op::ImageDrefGather
-        | Op::ImageSparseDrefGather => {
+        Opcode::ImageSampleDrefImplicitLod
+        | Opcode::ImageSampleDrefExplicitLod
+        | Opcode::ImageSampleProjDrefImplicitLod
+        | Opcode::ImageSampleProjDrefExplicitLod
+        | Opcode::ImageSparseSampleDrefImplicitLod
+        | Opcode::ImageSparseSampleDrefExplicitLod
+        | Opcode::ImageDrefGather
+        | Opcode::ImageSparseDrefGather => {
             static RULE: OperandTypeRule = rule(Any, &[Any, Any, ScalarBits(FLOAT, 32)]);
             &RULE
         }
-        Op::CopyObject => {
+        Opcode::CopyObject | Opcode::FreezeKHR => {
             static RULE: OperandTypeRule = rule(Any, &[SameAs(0)]);
             &RULE
         }
-        Op::VectorExtractDynamic => {
+        Opcode::VectorExtractDynamic => {
             static RULE: OperandTypeRule = rule(OfKind(SCALAR), &[VectorOf(0), Scalar(INT)]);
             &RULE
         }
-        Op::VectorInsertDynamic => {
+        Opcode::VectorInsertDynamic => {
             static RULE: OperandTypeRule = rule(Vector(SCALAR), &[SameAs(0), ComponentOf(0), Scalar(INT)]);
             &RULE
         }
-        Op::ExpectKHR => {
+        Opcode::ExpectKHR => {
             static RULE: OperandTypeRule = rule(OfKind(INT | BOOL), &[SameAs(0), SameAs(0)]);
             &RULE
         }
-        Op::Switch => {
+        Opcode::Switch => {
             static RULE: OperandTypeRule = rule(Any, &[Scalar(INT)]);
             &RULE
         }
-        Op::AssumeTrueKHR | Op::BranchConditional => {
+        Opcode::AssumeTrueKHR | Opcode::BranchConditional => {
             static RULE: OperandTypeRule = rule(Any, &[Scalar(BOOL)]);
             &RULE
         }
-        Op::UCountLeadingZerosINTEL | Op::UCountTrailingZerosINTEL => &INT_UNARY,
-        Op::AbsISubINTEL
-        | Op::AbsUSubINTEL
-        | Op::IAddSatINTEL
-        | Op::UAddSatINTEL
-        | Op::ISubSatINTEL
-        | Op::USubSatINTEL
-        | Op::IAverageINTEL
-        | Op::UAverageINTEL
-        | Op::IAverageRoundedINTEL
-        | Op::UAverageRoundedINTEL => &INT_BINARY,
-        Op::IMul32x16INTEL | Op::UMul32x16INTEL => {
+        Opcode::UCountLeadingZerosINTEL | Opcode::UCountTrailingZerosINTEL => &INT_UNARY,
+        Opcode::AbsISubINTEL
+        | Opcode::AbsUSubINTEL
+        | Opcode::IAddSatINTEL
+        | Opcode::UAddSatINTEL
+        | Opcode::ISubSatINTEL
+        | Opcode::USubSatINTEL
+        | Opcode::IAverageINTEL
+        | Opcode::UAverageINTEL
+        | Opcode::IAverageRoundedINTEL
+        | Opcode::UAverageRoundedINTEL => &INT_BINARY,
+        Opcode::IMul32x16INTEL | Opcode::UMul32x16INTEL => {
             static RULE: OperandTypeRule = rule(Bits(INT, 32), &[SameShape(INT, 0), SameShape(INT, 0)]);
             &RULE
         }
@@ -239,73 +246,75 @@ pub fn core(number: u16) -> Option<&'static OperandTypeRule> {
 }
 
 /// The rule of a subgroup instruction, whose first operand is a scope.
-fn subgroup(op: Op) -> Option<&'static OperandTypeRule> {
+fn subgroup(op: Opcode) -> Option<&'static OperandTypeRule> {
     Some(match op {
-        Op::GroupNonUniformAll | Op::GroupNonUniformAny => {
+        Opcode::GroupNonUniformAll | Opcode::GroupNonUniformAny => {
             static RULE: OperandTypeRule = rule(Scalar(BOOL), &[Any, Scalar(BOOL)]);
             &RULE
         }
-        Op::GroupNonUniformAllEqual => {
+        Opcode::GroupNonUniformAllEqual => {
             static RULE: OperandTypeRule = rule(Scalar(BOOL), &[Any, OfKind(SCALAR)]);
             &RULE
         }
-        Op::GroupNonUniformBroadcastFirst => {
+        Opcode::GroupNonUniformBroadcastFirst => {
             static RULE: OperandTypeRule = rule(OfKind(SCALAR), &[Any, SameAs(0)]);
             &RULE
         }
-        Op::GroupNonUniformBroadcast
-        | Op::GroupNonUniformShuffle
-        | Op::GroupNonUniformShuffleXor
-        | Op::GroupNonUniformShuffleUp
-        | Op::GroupNonUniformShuffleDown
-        | Op::GroupNonUniformRotateKHR
-        | Op::GroupNonUniformQuadBroadcast
-        | Op::GroupNonUniformQuadSwap => {
+        Opcode::GroupNonUniformBroadcast
+        | Opcode::GroupNonUniformShuffle
+        | Opcode::GroupNonUniformShuffleXor
+        | Opcode::GroupNonUniformShuffleUp
+        | Opcode::GroupNonUniformShuffleDown
+        | Opcode::GroupNonUniformRotateKHR
+        | Opcode::GroupNonUniformQuadBroadcast
+        | Opcode::GroupNonUniformQuadSwap => {
             static RULE: OperandTypeRule = rule(OfKind(SCALAR), &[Any, SameAs(0), Scalar(UINT)]);
             &RULE
         }
-        Op::GroupNonUniformBallot => {
+        Opcode::GroupNonUniformBallot => {
             static RULE: OperandTypeRule = rule(VectorBits(UINT, 32, 4), &[Any, Scalar(BOOL)]);
             &RULE
         }
-        Op::GroupNonUniformInverseBallot => {
+        Opcode::GroupNonUniformInverseBallot => {
             static RULE: OperandTypeRule = rule(Scalar(BOOL), &[Any, VectorBits(UINT, 32, 4)]);
             &RULE
         }
-        Op::GroupNonUniformBallotBitExtract => {
+        Opcode::GroupNonUniformBallotBitExtract => {
             static RULE: OperandTypeRule = rule(Scalar(BOOL), &[Any, VectorBits(UINT, 32, 4), Scalar(UINT)]);
             &RULE
         }
-        Op::GroupNonUniformBallotBitCount => {
+        Opcode::GroupNonUniformBallotBitCount => {
             static RULE: OperandTypeRule = rule(Scalar(UINT), &[Any, Any, VectorBits(UINT, 32, 4)]);
             &RULE
         }
-        Op::GroupNonUniformBallotFindLSB | Op::GroupNonUniformBallotFindMSB => {
+        Opcode::GroupNonUniformBallotFindLSB | Opcode::GroupNonUniformBallotFindMSB => {
             static RULE: OperandTypeRule = rule(Scalar(UINT), &[Any, VectorBits(UINT, 32, 4)]);
             &RULE
         }
-        Op::GroupNonUniformIAdd
-        | Op::GroupNonUniformIMul
-        | Op::GroupNonUniformSMin
-        | Op::GroupNonUniformSMax
-        | Op::GroupNonUniformBitwiseAnd
-        | Op::GroupNonUniformBitwiseOr
-        | Op::GroupNonUniformBitwiseXor => {
+        Opcode::GroupNonUniformIAdd
+        | Opcode::GroupNonUniformIMul
+        | Opcode::GroupNonUniformSMin
+        | Opcode::GroupNonUniformSMax
+        | Opcode::GroupNonUniformBitwiseAnd
+        | Opcode::GroupNonUniformBitwiseOr
+        | Opcode::GroupNonUniformBitwiseXor => {
             static RULE: OperandTypeRule = rule(OfKind(INT), &[Any, Any, SameAs(0)]);
             &RULE
         }
-        Op::GroupNonUniformUMin | Op::GroupNonUniformUMax => {
+        Opcode::GroupNonUniformUMin | Opcode::GroupNonUniformUMax => {
             static RULE: OperandTypeRule = rule(OfKind(UINT), &[Any, Any, SameAs(0)]);
             &RULE
         }
-        Op::GroupNonUniformFAdd
-        | Op::GroupNonUniformFMul
-        | Op::GroupNonUniformFMin
-        | Op::GroupNonUniformFMax => {
+        Opcode::GroupNonUniformFAdd
+        | Opcode::GroupNonUniformFMul
+        | Opcode::GroupNonUniformFMin
+        | Opcode::GroupNonUniformFMax => {
             static RULE: OperandTypeRule = rule(OfKind(FLOAT), &[Any, Any, SameAs(0)]);
             &RULE
         }
-        Op::GroupNonUniformLogicalAnd | Op::GroupNonUniformLogicalOr | Op::GroupNonUniformLogicalXor => {
+        Opcode::GroupNonUniformLogicalAnd
+        | Opcode::GroupNonUniformLogicalOr
+        | Opcode::GroupNonUniformLogicalXor => {
             static RULE: OperandTypeRule = rule(OfKind(BOOL), &[Any, Any, SameAs(0)]);
             &RULE
         }
@@ -315,33 +324,33 @@ fn subgroup(op: Op) -> Option<&'static OperandTypeRule> {
 
 /// The rule of an atomic instruction: the pointer is followed by scope and semantics, two for a
 /// comparison.
-fn atomic(op: Op) -> Option<&'static OperandTypeRule> {
+fn atomic(op: Opcode) -> Option<&'static OperandTypeRule> {
     Some(match op {
-        Op::AtomicLoad | Op::AtomicIIncrement | Op::AtomicIDecrement => {
+        Opcode::AtomicLoad | Opcode::AtomicIIncrement | Opcode::AtomicIDecrement => {
             static RULE: OperandTypeRule = rule(Any, &[PointerTo(0)]);
             &RULE
         }
-        Op::AtomicStore => {
+        Opcode::AtomicStore => {
             static RULE: OperandTypeRule = rule(Any, &[Any, Any, Any, Pointee(1)]);
             &RULE
         }
-        Op::AtomicCompareExchange => {
+        Opcode::AtomicCompareExchange => {
             static RULE: OperandTypeRule = rule(Any, &[PointerTo(0), Any, Any, Any, SameAs(0), SameAs(0)]);
             &RULE
         }
-        Op::AtomicExchange
-        | Op::AtomicIAdd
-        | Op::AtomicISub
-        | Op::AtomicSMin
-        | Op::AtomicUMin
-        | Op::AtomicSMax
-        | Op::AtomicUMax
-        | Op::AtomicAnd
-        | Op::AtomicOr
-        | Op::AtomicXor
-        | Op::AtomicFAddEXT
-        | Op::AtomicFMinEXT
-        | Op::AtomicFMaxEXT => {
+        Opcode::AtomicExchange
+        | Opcode::AtomicIAdd
+        | Opcode::AtomicISub
+        | Opcode::AtomicSMin
+        | Opcode::AtomicUMin
+        | Opcode::AtomicSMax
+        | Opcode::AtomicUMax
+        | Opcode::AtomicAnd
+        | Opcode::AtomicOr
+        | Opcode::AtomicXor
+        | Opcode::AtomicFAddEXT
+        | Opcode::AtomicFMinEXT
+        | Opcode::AtomicFMaxEXT => {
             static RULE: OperandTypeRule = rule(Any, &[PointerTo(0), Any, Any, SameAs(0)]);
             &RULE
         }

@@ -1,11 +1,10 @@
 //! Translates ray query instructions to operations.
 
-use rspirv::spirv::Op as Opcode;
 use smallvec::SmallVec;
 
 use crate::machine::Reg;
-use crate::module::Instruction;
 use crate::module::ty::Type;
+use crate::module::{Instruction, Opcode};
 use crate::ops::builtin::ValueShape;
 use crate::ops::object::{define_result, object_ref};
 use crate::ops::op::Op as Operation;

@@ -1,12 +1,11 @@
 //! Translates ray-tracing instructions to operations.
 
-use rspirv::spirv::Op as Opcode;
 use smallvec::SmallVec;
 
 use crate::machine::Reg;
 use crate::machine::stop::RegSpan;
 use crate::module::decoration::number;
-use crate::module::{Definition, Id, Instruction};
+use crate::module::{Definition, Id, Instruction, Opcode};
 use crate::ops::op::Op as Operation;
 use crate::ops::pointer::{Pointer, PointerBase, storage};
 use crate::ops::ray_tracing::{RayTracingOp, TRACE_OPERANDS};
@@ -31,7 +30,7 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
                 words.push(translator.constant(0)?);
             }
             if words.len() != TRACE_OPERANDS as usize {
-                let name = crate::module::names::opcode_name(instruction.opcode);
+                let name = instruction.opcode;
                 return Err(translator
                     .invalid(format!("the operands of {name} have wrong types"))
                     .note(RULES));

@@ -1,10 +1,10 @@
 //! Translates subgroup instructions to operations.
 
-use rspirv::spirv::{GroupOperation, Op as Opcode};
+use rspirv::spirv::GroupOperation;
 
 use crate::machine::Reg;
 use crate::module::ty::Type;
-use crate::module::{Id, Instruction};
+use crate::module::{Id, Instruction, Opcode};
 use crate::ops::conversion::{self, Conversion};
 use crate::ops::integer_operand::ReadAs;
 use crate::ops::lane_kernel::OpFamily;

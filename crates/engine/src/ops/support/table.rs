@@ -1,8 +1,9 @@
 //! The classes as tables in Markdown, for `docs/support.md`.
 
+use crate::module::Opcode;
 use std::fmt::Write;
 
-use rspirv::grammar::{GLSL_STD_450_INSTRUCTION_TABLE, INSTRUCTION_TABLE};
+use rspirv::grammar::GLSL_STD_450_INSTRUCTION_TABLE;
 use rspirv::spirv::{BuiltIn, StorageClass};
 
 use crate::ops::support::{Support, builtin, glsl, opcode, storage_class};
@@ -59,8 +60,7 @@ pub fn unclassed() -> Vec<String> {
 }
 
 fn kinds() -> Vec<Kind> {
-    let core =
-        INSTRUCTION_TABLE.iter().map(|entry| (format!("Op{}", entry.opname), opcode(entry.opcode as u16)));
+    let core = Opcode::all().map(|op| (op.to_string(), opcode(op)));
     let extended = GLSL_STD_450_INSTRUCTION_TABLE.iter();
     let extended = extended.map(|entry| (entry.opname.to_owned(), glsl(entry.opcode.into())));
     let numbers = || 0..u32::from(u16::MAX);

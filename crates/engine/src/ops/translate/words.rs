@@ -4,9 +4,9 @@ use smallvec::SmallVec;
 
 use crate::machine::Reg;
 use crate::math::float_format::FloatFormat;
-use crate::module::Id;
 use crate::module::constant::ConstantValue;
 use crate::module::ty::{Type, TypeId};
+use crate::module::{Id, Opcode};
 use crate::ops::memory::MemoryOp;
 use crate::ops::op::Op;
 use crate::ops::pointer;
@@ -153,16 +153,16 @@ impl Translator<'_> {
             ConstantValue::Operation { opcode, operands } => {
                 crate::ops::constant::operation(self, constant.id, constant.ty, opcode, &operands)
             }
-            ConstantValue::Other(4461 | 4462) => {
-                // OpConstantCompositeReplicateEXT and the OpSpecConstant form: opcode, type,
-                // result, constituent.
+            ConstantValue::Other(
+                Opcode::ConstantCompositeReplicateEXT | Opcode::SpecConstantCompositeReplicateEXT,
+            ) => {
+                // Opcode, type, result, constituent.
                 let part = self.module.words[constant.offset as usize + 3];
                 crate::ops::composite::replicate(self, constant.ty, Id(part))
             }
-            ConstantValue::Other(opcode) => Err(self.unsupported(format!(
-                "{} as a constant is not supported",
-                crate::module::names::opcode_name(opcode)
-            ))),
+            ConstantValue::Other(opcode) => {
+                Err(self.unsupported(format!("{} as a constant is not supported", opcode)))
+            }
         };
         self.origin = before;
         self.in_constant = nested;

@@ -3,26 +3,26 @@
 use smallvec::SmallVec;
 
 use crate::machine::{Exit, Reg};
-use crate::module::{Id, Instruction, Module};
+use crate::module::{Id, Instruction, Module, Opcode};
 use crate::ops::memory;
 use crate::ops::op::Op;
 use crate::ops::operand_types;
 use crate::program::Terminator;
 use crate::program::control_flow::block_of;
-use crate::program::lower::{Label, Lowering, ReturnTarget, Site, opcode};
+use crate::program::lower::{Label, Lowering, ReturnTarget, Site};
 use anyhit_base::error::Result;
 
 impl Lowering<'_> {
     pub(super) fn terminator(&mut self, instruction: &Instruction, site: &Site<'_>) -> Result<()> {
         self.translator.set_clock()?;
         match instruction.opcode {
-            opcode::BRANCH => {
+            Opcode::Branch => {
                 let target = self.translator.id(instruction, 0)?;
                 self.edge_moves(site, target)?;
                 let label = self.target(site, target)?;
                 self.end(Terminator::Branch(label));
             }
-            opcode::BRANCH_CONDITIONAL => {
+            Opcode::BranchConditional => {
                 operand_types::check(&self.translator, instruction.opcode, instruction)?;
                 let condition = self.translator.operand(instruction, 0)?[0];
                 let targets = [self.translator.id(instruction, 1)?, self.translator.id(instruction, 2)?];
@@ -41,7 +41,7 @@ impl Lowering<'_> {
                 self.end(Terminator::BranchConditional { condition, then, other });
                 self.split_edges(site, edges)?;
             }
-            opcode::SWITCH => {
+            Opcode::Switch => {
                 operand_types::check(&self.translator, instruction.opcode, instruction)?;
                 let selector = self.translator.operand(instruction, 0)?;
                 let words = self.module.switch_literal_words(instruction);
@@ -64,8 +64,8 @@ impl Lowering<'_> {
                 self.end(Terminator::Switch { selector, wide, cases, default });
                 self.split_edges(site, edges)?;
             }
-            opcode::RETURN => self.leave(site),
-            opcode::RETURN_VALUE => {
+            Opcode::Return => self.leave(site),
+            Opcode::ReturnValue => {
                 let value = self.translator.id(instruction, 0)?;
                 let words = self.translator.words_unchecked(value)?;
                 if let ReturnTarget::Inlined { result, .. } | ReturnTarget::Called { result } =
@@ -77,14 +77,14 @@ impl Lowering<'_> {
                 }
                 self.leave(site);
             }
-            opcode::UNREACHABLE => self.end(Terminator::Unreachable),
-            opcode::IGNORE_INTERSECTION => self.end(Terminator::Exit(Exit::Ignored)),
-            opcode::TERMINATE_RAY => self.end(Terminator::Exit(Exit::Terminated)),
+            Opcode::Unreachable => self.end(Terminator::Unreachable),
+            Opcode::IgnoreIntersectionKHR => self.end(Terminator::Exit(Exit::Ignored)),
+            Opcode::TerminateRayKHR => self.end(Terminator::Exit(Exit::Terminated)),
             other => {
-                let name = crate::module::names::opcode_name(other);
+                let name = other;
                 let message = format!("{name} in {}", self.translator.stage.name());
                 return Err(match other {
-                    opcode::KILL | opcode::TERMINATE_INVOCATION => {
+                    Opcode::Kill | Opcode::TerminateInvocation => {
                         let rule =
                             format!("SPIR-V, 3.3.17, {name}: allowed only in the execution model Fragment");
                         self.translator.invalid(message).note(rule)
@@ -176,5 +176,5 @@ impl Lowering<'_> {
 fn phis<'a>(module: &Module, site: &Site<'a>, target: Id) -> impl Iterator<Item = &'a Instruction> + use<'a> {
     let block = block_of(module, site.function, target).filter(|&block| site.labels[block].is_some());
     let instructions = block.map_or(&[][..], |block| &site.function.blocks[block].instructions);
-    instructions.iter().take_while(|instruction| instruction.opcode == opcode::PHI)
+    instructions.iter().take_while(|instruction| instruction.opcode == Opcode::Phi)
 }

@@ -2,10 +2,10 @@
 //! operation has a place to stop at, and so have calls that are inlined and barriers with nothing
 //! to do.
 
-use crate::module::Instruction;
+use crate::module::{Instruction, Opcode};
 use crate::ops::op::Op;
 use crate::ops::translate::Origin;
-use crate::program::lower::{Lowering, opcode};
+use crate::program::lower::Lowering;
 
 impl Lowering<'_> {
     /// An instruction is lowered next: where it begins another line, and no instruction of the line
@@ -24,15 +24,21 @@ impl Lowering<'_> {
             return;
         }
         match instruction.opcode {
-            opcode::VARIABLE | opcode::PHI | opcode::LOOP_MERGE | opcode::SELECTION_MERGE => {}
+            Opcode::Variable | Opcode::Phi | Opcode::LoopMerge | Opcode::SelectionMerge => {}
             // A call has its step, and the end of a block is one.
-            opcode::FUNCTION_CALL
-            | opcode::BRANCH..=opcode::UNREACHABLE
-            | opcode::TERMINATE_INVOCATION
-            | opcode::IGNORE_INTERSECTION
-            | opcode::TERMINATE_RAY
-            | opcode::IGNORE_INTERSECTION_NV
-            | opcode::TERMINATE_RAY_NV => self.without_step = None,
+            Opcode::FunctionCall
+            | Opcode::Branch
+            | Opcode::BranchConditional
+            | Opcode::Switch
+            | Opcode::Kill
+            | Opcode::Return
+            | Opcode::ReturnValue
+            | Opcode::Unreachable
+            | Opcode::TerminateInvocation
+            | Opcode::IgnoreIntersectionKHR
+            | Opcode::TerminateRayKHR
+            | Opcode::IgnoreIntersectionNV
+            | Opcode::TerminateRayNV => self.without_step = None,
             _ if self.translator.ops.len() > before => self.without_step = None,
             _ if instruction.result.is_none() => self.add_step(self.translator.origin),
             _ if self.without_step.is_none() => {
