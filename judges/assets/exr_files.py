@@ -217,7 +217,7 @@ def generate_with_library(random, path):
 
     what, names = random.choice([PICTURES[0], PICTURES[1], PICTURES[4]])
     width, height = random.choice([1, 4, 5, 33, 40]), random.choice([1, 3, 32, 40])
-    compression = random.choice(["PIZ", "PXR24", "B44", "B44A"])
+    compression = random.choice(["PIZ", "PXR24", "B44", "B44A", "DWAA", "DWAB"])
     kind = random.choice(list(KINDS))
     planes = {name: plane(random, kind, height, width, True) for name in names}
     header = {"compression": getattr(OpenEXR, f"{compression}_COMPRESSION"), "type": OpenEXR.scanlineimage}

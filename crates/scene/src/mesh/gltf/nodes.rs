@@ -75,7 +75,12 @@ impl<'a> Walk<'a> {
             let camera = get(&document.cameras, camera, "cameras", &path)?;
             let name = node.name.clone().or_else(|| camera.name.clone()).unwrap_or_default();
             let projection = projection(camera, &camera_path)?;
-            self.cameras.push(FileCamera { name, world: unmirrored(&world, turn), projection });
+            self.cameras.push(FileCamera {
+                name,
+                path: camera_path,
+                world: unmirrored(&world, turn),
+                projection,
+            });
         }
         if let Some(mesh) = node.mesh {
             get(&document.meshes, mesh, "meshes", &path)?;
