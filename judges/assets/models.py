@@ -11,16 +11,26 @@ import trimesh
 import obj_files
 
 logging.getLogger("trimesh").setLevel(logging.CRITICAL)
-# Features that a reader lacks, of files of which it reads the plain form instead. trimesh counts
-# negative indices from the end of the file and not of the line ("Object Files", f).
+# Features that a reader lacks, with the section that has them ("Object Files" and "Material Files" of
+# Alias); of files with one of them it reads the plain form.
 TRIMESH_LACKS = {
-    "comment behind", "leading space", "negative indices", "tabs", "partial attributes", "uneven faces",
+    "comment behind": "Object Files, comments: they may be anywhere",
+    "leading space": "Object Files excludes no white space between and around words",
+    "tabs": "the same",
+    "negative indices": "Object Files, relative references: -1 is the last vertex before the statement, not of the file",
+    "partial attributes": "Object Files, f: only the corners of one face have the same references",
+    "uneven faces": "Object Files, f: a face has any number of corners, whatever others of its material have",
 }
 ASSIMP_LACKS = {
-    "Latin-1", "comment behind", "leading space", "trailing space", "one texture coordinate",
-    "lines and points", "bare points", "one number of a colour",
+    "comment behind": "Object Files, comments: they may be anywhere",
+    "leading space": "Object Files excludes no white space between and around words",
+    "trailing space": "the same; assimp counts it as a number",
+    "one texture coordinate": "Object Files, vt: v is optional, and 0 by default",
+    "bare points": "Object Files excludes no form of a number, such as .5",
+    "one number of a colour": "Material Files, Kd: g and b are r if they are left out",
+    "Latin-1": "none: the module for Python takes UTF-8",
+    "lines and points": "none: the module for Python takes triangles",
 }
-
 
 # The places of attributes among the numbers of a corner.
 POSITION, TEXCOORD, NORMAL, COLOR = slice(0, 3), slice(3, 5), slice(5, 8), slice(8, 11)
@@ -163,7 +173,7 @@ class Comparison:
 
     def trimesh(self):
         self.readers["trimesh"] += 1
-        path = self.truth.plain if self.truth.quirks & TRIMESH_LACKS else self.truth.path
+        path = self.truth.plain if self.truth.quirks & TRIMESH_LACKS.keys() else self.truth.path
         found = read_with_trimesh(path)
         # trimesh makes no material of those without a colour.
         wrong = self.sides("trimesh", found, POSITION, by_material=False)
@@ -174,7 +184,7 @@ class Comparison:
 
     def assimp(self):
         self.readers["assimp"] += 1
-        path = self.truth.plain if self.truth.quirks & ASSIMP_LACKS else self.truth.path
+        path = self.truth.plain if self.truth.quirks & ASSIMP_LACKS.keys() else self.truth.path
         found, materials = read_with_assimp(path)
         every = slice(0, 8 if "partly coloured" in self.truth.quirks else 11)
         partial = None in self.found or self.truth.quirks & {"partial attributes", "uneven faces"}

@@ -65,13 +65,6 @@ class Writer:
     def chance(self, part):
         return self.random.random() < part
 
-    def quirk(self, name, part):
-        """Decides for a feature that some readers lack."""
-        if self.chance(part):
-            self.truth.quirks.add(name)
-            return True
-        return False
-
     def number(self, low=-4.0, high=4.0):
         value = self.random.uniform(low, high)
         digits = self.random.choice([0, 1, 3, 6])
@@ -336,9 +329,9 @@ class Writer:
 
     def generate(self):
         random, path = self.random, self.truth.path
-        for feature in FEATURES:
-            self.quirk(feature, 0.05)
-        self.quirk("negative indices", 0.3)
+        self.truth.quirks |= {feature for feature in FEATURES if self.chance(0.05)}
+        if self.chance(0.3):
+            self.truth.quirks.add("negative indices")
         self.colored = random.choice([0, 0, 0, 1, 1, 0.7])
         if self.colored == 0.7:
             self.truth.quirks.add("partly coloured")

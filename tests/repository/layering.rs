@@ -44,7 +44,7 @@ const CRATES: &[(&str, &[&str])] = &[
     ("clap", &["anyhit"]),
     ("emmy_dap_types", &["debugger"]),
     // Pictures in pages, and rows of shares of a picture in results.
-    ("base64", &["cases"]),
+    ("base64", &["cases", "scene"]),
     ("colorous", &["cases"]),
     ("flate2", &["cases"]),
     ("inferno", &["cases"]),

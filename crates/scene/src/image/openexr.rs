@@ -322,7 +322,7 @@ mod tests {
         let words = refused(&[("Y", one)], 2);
         assert!(words.contains("subsampl"), "{words}");
         let whole = file(&[("Y", one)], WINDOW, WINDOW, 1);
-        // High-throughput JPEG 2000, which came with OpenEXR 3.4: the row has a byte less than without.
+        // High-throughput JPEG 2000: the row has a byte less than without compression.
         let mut compressed = whole.clone();
         let name = b"compression\0compression\0\x01\0\0\0";
         let at = whole.windows(name.len()).position(|part| part == name).unwrap() + name.len();
