@@ -11,7 +11,6 @@ AT = np.arange(8)
 # The rows are the cosines of A.3.3.
 COSINES = np.where(AT[:, None] == 0, 0.5**0.5, 1.0) / 2 * np.cos((2 * AT + 1) * AT[:, None] * np.pi / 16)
 
-# Tables K.1 and K.2 with the codes of K.3 to K.6 are examples of the standard; these quantities are not.
 GRAY, YCBCR, RGB, CMYK, YCCK = "grey", "YCbCr", "RGB", "CMYK", "YCCK"
 
 

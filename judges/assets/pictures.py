@@ -116,6 +116,32 @@ class Picture:
             self.judged = [("the generator", texels), *exr_witnesses(self.path, what, names, *windows)]
         self.judged = [(witness, np.ascontiguousarray(texels)) for witness, texels in self.judged]
 
+    @property
+    def saved_kind(self):
+        """What the program saves the texels as: floats without a change, others in 8 bits."""
+        return "exr" if self.path.suffix in (".exr", ".hdr") else "png"
+
+    def check_saved(self, found, path):
+        """Compares a file that the program saved with the texels that it holds."""
+        dtype, shape = self.judged[0][1].dtype, self.judged[0][1].shape
+        wanted = np.frombuffer(found, dtype).reshape(shape)
+        if self.saved_kind == "exr":
+            with OpenEXR.File(str(path), separate_channels=True) as file:
+                by_openexr = {name: channel.pixels for name, channel in file.channels().items()}
+            readers = {"OpenEXR": by_openexr, "OpenImageIO": read_with_openimageio(path)[1]}
+            saved = {reader: np.dstack([channels[name] for name in "RGBA"]) for reader, channels in readers.items()}
+        elif dtype == np.uint8:
+            file = Image.open(path)
+            if "srgb" not in file.info or abs(file.info["gamma"] - 1 / 2.2) > 1e-5:
+                return "the saved PNG has no chunks sRGB and gAMA"
+            saved = {"Pillow": np.array(file)}
+        else:
+            return None
+        for reader, texels in saved.items():
+            if differs(np.ascontiguousarray(texels), wanted):
+                return f"{reader} reads other texels of the saved file"
+        return None
+
     def check(self, found):
         for witness, texels in self.judged:
             dtype = texels.dtype
@@ -132,10 +158,11 @@ def judge(program, count, seed):
     failed, kinds, readers = 0, Counter(), Counter()
     for first in range(0, count, 50):
         pictures = [Picture(program.folder, at, f"{seed} {first + at}") for at in range(min(50, count - first))]
-        for picture, found in zip(pictures, program.pictures([picture.path.name for picture in pictures])):
+        files = program.pictures([one.path.name for one in pictures], [one.saved_kind for one in pictures])
+        for picture, (found, saved) in zip(pictures, files):
             kinds[picture.path.suffix[1:]] += 1
             readers.update(witness for witness, _ in picture.judged)
-            wrong = picture.check(found)
+            wrong = picture.check(found) or picture.check_saved(found, saved)
             if wrong:
                 failed += 1
                 print(f"picture {picture.seed}: {picture.what}: {wrong}")

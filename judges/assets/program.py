@@ -27,24 +27,30 @@ class Program:
         self.path, self.folder = path, Path(folder)
         (self.folder / "nothing.spv").write_bytes(nothing())
 
-    def run(self, scene, outputs):
-        """Runs a scene; returns the notes, and the bytes of each output, an option and a name."""
+    def run(self, scene, outputs, more=()):
+        """Runs a scene with more options; returns the notes, and the bytes of each output, an option
+        and a name."""
         (self.folder / "scene.toml").write_text(HEAD + scene)
         command = [self.path, "run", "scene.toml"]
         for option, name in outputs:
             command += [option, f"{name}={name}.raw"]
+        command += more
         done = subprocess.run(command, cwd=self.folder, capture_output=True, text=True)
         if done.returncode:
             raise RuntimeError(done.stderr)
         return done.stderr, {name: (self.folder / f"{name}.raw").read_bytes() for _, name in outputs}
 
-    def pictures(self, files):
-        """The texels of picture files of the folder, of the types that these have in the judge."""
+    def pictures(self, files, kinds):
+        """The texels of picture files of the folder, as the program holds them; it also saves each as a
+        file of a kind."""
         scene = "".join(
             f'[resources.p{at}]\ntype = "sampled_image"\nbinding = {at}\nfile = "{file}"\n'
             for at, file in enumerate(files))
-        _, outputs = self.run(scene, [("--save", f"p{at}") for at in range(len(files))])
-        return [outputs[f"p{at}"] for at in range(len(files))]
+        names = [f"p{at}" for at in range(len(files))]
+        saved = [f"{name}={name}.{kind}" for name, kind in zip(names, kinds)]
+        more = ["--alpha"] + [word for one in saved for word in ("--save", one)]
+        _, outputs = self.run(scene, [("--save", name) for name in names], more)
+        return [(outputs[name], self.folder / f"{name}.{kind}") for name, kind in zip(names, kinds)]
 
     def models(self, files):
         """The corners of all triangles of each model: arrays of the attributes, and materials."""
