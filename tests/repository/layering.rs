@@ -43,8 +43,8 @@ const CRATES: &[(&str, &[&str])] = &[
     ("glslang", &["compile"]),
     ("clap", &["anyhit"]),
     ("emmy_dap_types", &["debugger"]),
-    // Pictures in pages, and rows of shares of a picture in results.
-    ("base64", &["cases"]),
+    // Pictures in pages, rows of shares of a picture in results, and data URIs of models.
+    ("base64", &["cases", "scene"]),
     ("colorous", &["cases"]),
     ("flate2", &["cases"]),
     ("inferno", &["cases"]),

@@ -101,6 +101,20 @@ fn a_view_of_the_image_says_how_it_is_saved() {
     }
 }
 
+/// JSON has no numbers for them (RFC 8259, section 6).
+#[test]
+fn nan_and_infinity_are_strings_in_json() {
+    let more = "[resources.n]\ntype = 'storage_image'\nbinding = 1\nformat = 'rg32f'\nsize = [1, 1]\nfill = [nan, -inf]";
+    let folder = scene(more);
+    let output = Command::new(env!("CARGO_BIN_EXE_anyhit"))
+        .args(["run", "scene.toml", "--dump", "n=json"])
+        .current_dir(folder.path())
+        .output()
+        .expect("the command starts");
+    let found: Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    assert_eq!(found["value"], serde_json::json!([["NaN", "-inf", 0.0, 1.0]]));
+}
+
 #[test]
 fn numbers_and_bytes_are_those_of_the_image() {
     let folder = scene("output = 'linear'");

@@ -11,7 +11,7 @@ use crate::interrupt::{ASK_INTERVAL, Interrupt};
 /// The process in which threads of the pool were first used here.
 static POOL_OWNER: PoolOwner = PoolOwner(OnceLock::new());
 
-/// The process whose pool has threads. A forked child inherits the pool without its threads: waiting
+/// The process whose pool has threads. A forked child inherits the pool without threads: waiting
 /// for them there never returns.
 struct PoolOwner(OnceLock<u32>);
 

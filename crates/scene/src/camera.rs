@@ -105,7 +105,10 @@ impl FileCameraEntry {
             *given = self.aspect.map(f64::from).or(*given);
         }
         let view = CameraView::new(view_inverse, &projection, f64::from(sources.aspect));
-        view.map_err(|message| self.file.span.error(message))
+        view.map_err(|message| {
+            let error = self.file.span.error(format!("`{}` of the file: {message}", camera.path));
+            error.note("help: correct the camera in the file, where `yfov` is in radians")
+        })
     }
 }
 

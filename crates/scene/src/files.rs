@@ -8,6 +8,11 @@ use anyhit_base::error::{Error, ErrorKind, Result};
 use anyhit_base::escape;
 use anyhit_base::input::{InputLimit, InputLimits, RootFolder, read_regular};
 
+/// The path of a file that the file at `path` names.
+pub(crate) fn sibling(path: &Path, name: impl AsRef<Path>) -> PathBuf {
+    path.parent().unwrap_or(Path::new("")).join(name)
+}
+
 /// Reads files by path.
 pub trait Files: Sync {
     /// The whole content of a file that a scene names, or a file that it names.

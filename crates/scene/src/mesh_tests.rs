@@ -90,7 +90,9 @@ fn try_scene(text: &str) -> Result<ResolvedScene> {
         .encode_png(crate::image::PixelEncoding::STORED)?;
     let (lift, bare) = (lift(), bare());
     let empty = ROOM.replace(r#"{ "translation": [10, 0, 0],"#, r#"{ "scale": [0, 0, 0],"#);
+    let wide = ROOM.replace(r#""yfov": 1"#, r#""yfov": 4"#);
     let files = [
+        ("wide.gltf", wide.as_bytes()),
         ("empty.gltf", empty.as_bytes()),
         ("lift.gltf", lift.as_bytes()),
         ("bare.gltf", bare.as_bytes()),
@@ -571,6 +573,10 @@ fn cameras_of_files_are_used() {
     assert!(unknown.contains("cameras in the file: eye"), "{unknown}");
     let none = mistake("push_constants = { view = { file = 'house.obj' } }\n");
     assert!(none.contains("the file has no camera"), "{none}");
+    // 4 radians are more than half a turn.
+    let wide = mistake("push_constants = { view = { file = 'wide.gltf' } }\n");
+    assert!(wide.contains("`cameras[0]` of the file: the vertical angle of view is not between"), "{wide}");
+    assert!(wide.contains("`yfov` is in radians"), "{wide}");
 }
 
 #[test]

@@ -17,11 +17,12 @@ mod values;
 
 use std::cell::RefCell;
 use std::ops::Range;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::{Arc, OnceLock};
 
 use toml::de::DeTable;
 
+use crate::files::sibling;
 use crate::tree::{Toml, TomlMember, TomlNode, TreeBuilder};
 use anyhit_base::error::names::nearest;
 use anyhit_base::error::{Error, ErrorKind, Place, Result};
@@ -49,7 +50,7 @@ pub struct TomlSource {
 impl TomlSource {
     /// A path that the file names, relative to the file's own folder.
     pub fn sibling(&self, path: &str) -> PathBuf {
-        self.path.parent().unwrap_or(Path::new("")).join(path)
+        sibling(&self.path, path)
     }
 }
 

@@ -242,7 +242,7 @@ impl FoundDump {
         };
         if self.format == Format::Json {
             let value = match image {
-                Some(image) => json!(texels(image)),
+                Some(image) => texels(image).into_iter().map(|texel| texel.map(json_number)).collect(),
                 None => typed(&bytes).map_or_else(|| json!(bytes), |value| json_of(&value)),
             };
             let mut json = match self.declared_at {
@@ -354,6 +354,11 @@ fn json_of(value: &Value) -> serde_json::Value {
     let text = scalar(value);
     // JSON has no numbers for NaN and infinity: they become strings.
     serde_json::from_str(&text).unwrap_or(serde_json::Value::String(text))
+}
+
+/// A number of a texel; NaN and infinity become strings.
+fn json_number(number: f64) -> serde_json::Value {
+    if number.is_finite() { json!(number) } else { json!(number.to_string()) }
 }
 
 /// Parses `[SET,]BINDING`, or `[SET,]BINDING[ELEMENT]` for an element of an array of descriptors.

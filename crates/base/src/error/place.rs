@@ -32,7 +32,7 @@ pub enum Place {
 }
 
 impl Place {
-    /// Returns the name of the file and the line, from 1, of a place in a text; `None` for a word of
+    /// Returns the file name and the line, from 1, of a place in a text; `None` for a word of
     /// a module and for a file as a whole.
     #[must_use]
     pub fn file_line(&self) -> Option<(&str, u32)> {

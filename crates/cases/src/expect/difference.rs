@@ -131,7 +131,7 @@ impl PictureDifference {
         pixels.map(distance).collect()
     }
 
-    /// The picture of the differences. Equal pixels are black; others have one hue, whose brightness
+    /// The picture of differences. Equal pixels are black; others have one hue, whose brightness
     /// is the greatest difference of a channel relative to that of all pixels.
     pub fn difference(&self) -> Rgba8 {
         let distances = self.distances();

@@ -184,7 +184,13 @@ fn decode_window(bytes: &[u8], wanted: Option<Format>, limits: &InputLimits) -> 
 }
 
 fn broken(error: exr::error::Error) -> Error {
-    invalid(format!("not a readable OpenEXR file: {error}"))
+    let unread = invalid(format!("not a readable OpenEXR file: {error}"));
+    match &error {
+        exr::error::Error::NotSupported(what) if what.contains("compression") => {
+            unread.note("help: save the picture with the compression ZIP or PIZ")
+        }
+        _ => unread,
+    }
 }
 
 /// Encodes texels of four numbers.
@@ -316,6 +322,18 @@ mod tests {
         let words = refused(&[("Y", one)], 2);
         assert!(words.contains("subsampl"), "{words}");
         let whole = file(&[("Y", one)], WINDOW, WINDOW, 1);
+        // High-throughput JPEG 2000: the row has a byte less than without compression.
+        let mut compressed = whole.clone();
+        let name = b"compression\0compression\0\x01\0\0\0";
+        let at = whole.windows(name.len()).position(|part| part == name).unwrap() + name.len();
+        compressed[at] = 10;
+        compressed[whole.len() - 12] = 7;
+        compressed.pop();
+        let error = texels(&compressed).unwrap_err();
+        assert!(
+            error.message().contains("compression") && error.notes()[0].contains("ZIP or PIZ"),
+            "{error}"
+        );
         for cut in 4..whole.len() {
             assert_eq!(texels(&whole[..cut]).unwrap_err().kind(), ErrorKind::InvalidImage, "{cut}");
         }

@@ -45,7 +45,10 @@ fn broken_png(error: png::DecodingError, limits: &InputLimits) -> Error {
         png::DecodingError::LimitsExceeded => {
             limits.exceeded(InputLimit::ImageBytes, None, ErrorKind::InvalidImage)
         }
-        error => invalid(error.to_string()),
+        png::DecodingError::IoError(error) if error.kind() == std::io::ErrorKind::UnexpectedEof => {
+            invalid("the PNG file is truncated")
+        }
+        error => invalid(format!("not a readable PNG file: {error}")),
     }
 }
 

@@ -12,6 +12,7 @@ use crate::mesh::gltf::accessor::Expected;
 use crate::mesh::gltf::animation::SelectedAnimation;
 use crate::mesh::gltf::deform::Pose;
 use crate::mesh::gltf::document::{ComponentType, Document, Mode, Primitive, Shape};
+use crate::mesh::gltf::extension::DRACO;
 use crate::mesh::gltf::nodes::Walk;
 use crate::mesh::gltf::poses::{PosedMesh, Poses};
 use crate::mesh::gltf::unread::Ignored;
@@ -26,6 +27,7 @@ mod buffers;
 mod container;
 mod deform;
 mod document;
+mod extension;
 mod material;
 mod nodes;
 mod poses;
@@ -165,7 +167,6 @@ impl Data {
     }
 
     fn list_primitive(&self, mesh: usize, at: usize, counts: &mut Counts) -> Result<ListedPart> {
-        const DRACO: &str = "KHR_draco_mesh_compression";
         let primitive = &self.document.meshes[mesh].primitives[at];
         let path = primitive_path(mesh, at);
         let vertices = self.vertex_count(primitive, &path)?;

@@ -182,6 +182,8 @@ pub enum PictureSource {
 pub struct FileCamera {
     /// The name of its node, or else of the camera itself.
     pub name: String,
+    /// Its path in the file.
+    pub path: String,
     /// Camera to world, before the model's own transform.
     pub world: glam::DMat4,
     /// How it projects.

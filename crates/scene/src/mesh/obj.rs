@@ -12,7 +12,7 @@ use std::collections::{HashMap, HashSet};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
-use crate::files::Files;
+use crate::files::{Files, sibling};
 use crate::mesh::Mesh;
 use crate::mesh::invalid;
 use crate::mesh::listed::{Listed, ListedPart, ModelNode, Numbers};
@@ -263,7 +263,7 @@ impl MaterialReader<'_> {
     fn read(&mut self, contents: &Contents) -> Result<(Vec<Material>, Vec<Texture>)> {
         let mut found: HashMap<String, (PathBuf, GivenMaterial)> = HashMap::new();
         for (name, line) in &contents.libraries {
-            let library = self.path.parent().unwrap_or(Path::new("")).join(name);
+            let library = sibling(self.path, name);
             let bytes = match self.files.read(&library) {
                 Ok(bytes) => bytes,
                 Err(error) if error.kind() == ErrorKind::Io => {
@@ -328,7 +328,7 @@ struct Textures {
 
 impl Textures {
     fn place(&mut self, library: &Path, map: &Map) -> usize {
-        let picture = library.parent().unwrap_or(Path::new("")).join(&map.file);
+        let picture = sibling(library, &map.file);
         *self.places.entry((picture, map.is_clamped)).or_insert_with_key(|(picture, is_clamped)| {
             let mut sampler = Sampler::default();
             if *is_clamped {

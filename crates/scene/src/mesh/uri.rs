@@ -1,6 +1,8 @@
 //! The URIs of glTF files: data, and names of files.
 
-use std::path::{Path, PathBuf};
+use base64::Engine;
+use base64::alphabet::STANDARD;
+use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
 
 use crate::mesh::invalid;
 use anyhit_base::error::{Error, ErrorKind, Result};
@@ -35,11 +37,6 @@ impl Uri {
     }
 }
 
-/// The path of a file that the file at `path` names.
-pub(super) fn sibling(path: &Path, name: &str) -> PathBuf {
-    path.parent().unwrap_or(Path::new("")).join(name)
-}
-
 /// The scheme of a URI and what follows its colon. A single letter is a drive of Windows.
 fn scheme(uri: &str) -> Option<(&str, &str)> {
     let (scheme, rest) = uri.split_once(':')?;
@@ -57,36 +54,19 @@ fn data_uri(data: &str) -> Result<Vec<u8>> {
     let bytes = percent_decoded(data).ok_or_else(|| invalid("a data URI has an invalid percent-encoding"))?;
     match media_type.rsplit_once(';') {
         Some((_, last)) if last.eq_ignore_ascii_case("base64") => {
-            base64(&bytes).ok_or_else(|| invalid("a data URI contains invalid base64"))
+            BASE64.decode(bytes).map_err(|_| invalid("a data URI contains invalid base64"))
         }
         _ => Ok(bytes),
     }
 }
 
-/// Decodes base64 (RFC 4648, section 4), with or without padding.
-fn base64(text: &[u8]) -> Option<Vec<u8>> {
-    let end = text.iter().rposition(|byte| *byte != b'=').map_or(0, |last| last + 1);
-    let mut bytes = Vec::with_capacity(end / 4 * 3 + 3);
-    for group in text[..end].chunks(4) {
-        if group.len() == 1 {
-            return None;
-        }
-        let mut bits = 0_u32;
-        for (at, byte) in group.iter().enumerate() {
-            let digit = match byte {
-                b'A'..=b'Z' => byte - b'A',
-                b'a'..=b'z' => byte - b'a' + 26,
-                b'0'..=b'9' => byte - b'0' + 52,
-                b'+' => 62,
-                b'/' => 63,
-                _ => return None,
-            };
-            bits |= u32::from(digit) << (18 - 6 * at);
-        }
-        bytes.extend_from_slice(&bits.to_be_bytes()[1..group.len()]);
-    }
-    Some(bytes)
-}
+/// Base64 (RFC 4648, section 4), with or without padding. Bits behind the last byte may be set.
+const BASE64: GeneralPurpose = GeneralPurpose::new(
+    &STANDARD,
+    GeneralPurposeConfig::new()
+        .with_decode_padding_mode(DecodePaddingMode::Indifferent)
+        .with_decode_allow_trailing_bits(true),
+);
 
 /// Decodes the bytes that are written as `%` and two hexadecimal digits.
 fn percent_decoded(text: &str) -> Option<Vec<u8>> {
@@ -107,9 +87,10 @@ fn percent_decoded(text: &str) -> Option<Vec<u8>> {
 mod tests {
     use super::*;
 
-    /// RFC 4648, section 10.
+    /// RFC 4648, section 10, with and without padding.
     #[test]
-    fn base64_test_vectors() {
+    fn data_uris_contain_base64() {
+        let parse = |text: &str| Uri::parse(&format!("data:;base64,{text}"));
         for (text, plain) in [
             ("", ""),
             ("Zg==", "f"),
@@ -117,11 +98,13 @@ mod tests {
             ("Zm9v", "foo"),
             ("Zm9vYg", "foob"),
             ("Zm9vYmFy", "foobar"),
+            // Bits behind the last byte.
+            ("Zn==", "f"),
         ] {
-            assert_eq!(base64(text.as_bytes()).unwrap(), plain.as_bytes());
+            assert_eq!(parse(text).unwrap(), Uri::Data(plain.as_bytes().to_vec()), "{text}");
         }
         for text in ["Z", "Z!==", "Z m8", "Zm8_"] {
-            assert_eq!(base64(text.as_bytes()), None, "{text}");
+            assert_eq!(parse(text).unwrap_err().kind(), ErrorKind::InvalidMesh, "{text}");
         }
     }
 

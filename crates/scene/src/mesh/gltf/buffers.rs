@@ -6,16 +6,12 @@ use std::sync::Arc;
 
 use serde_json::Value;
 
-use crate::files::Files;
+use crate::files::{Files, sibling};
 use crate::mesh::gltf::document::{Accessor, Document};
-use crate::mesh::gltf::nodes::INSTANCING;
+use crate::mesh::gltf::extension::{INSTANCING, MESHOPT};
 use crate::mesh::gltf::{Data, get, invalid};
-use crate::mesh::uri::{self, Uri};
+use crate::mesh::uri::Uri;
 use anyhit_base::error::{Error, ErrorKind, Result};
-
-/// The extensions that compress buffer views. They name a buffer without content for readers that
-/// do not decompress.
-const MESHOPT: [&str; 2] = ["EXT_meshopt_compression", "KHR_meshopt_compression"];
 
 /// The content of each buffer that is used. Several of one file share it.
 pub(super) fn load(
@@ -37,7 +33,7 @@ pub(super) fn load(
             Some(uri) => Some(match Uri::parse(&uri).map_err(|error| error.context(uri_path(at)))? {
                 Uri::Data(bytes) => Arc::new(bytes),
                 Uri::File(name) => {
-                    let name = uri::sibling(path, &name);
+                    let name = sibling(path, &name);
                     match named.get(&name) {
                         Some(bytes) => bytes.clone(),
                         None => {

@@ -6,6 +6,7 @@ use glam::{DMat3, DMat4, DVec3};
 
 use crate::mesh::gltf::accessor::Expected;
 use crate::mesh::gltf::document::{ComponentType, Primitive, Shape};
+use crate::mesh::gltf::extension::QUANTIZATION;
 use crate::mesh::gltf::{Data, get, invalid};
 use crate::mesh::listed::Numbers;
 use anyhit_base::error::Result;
@@ -54,7 +55,7 @@ impl Data {
         use ComponentType as T;
         let document = &self.document;
         let mut extensions = document.extensions_used.iter().chain(&document.extensions_required);
-        let components: &[T] = match extensions.any(|name| name == "KHR_mesh_quantization") {
+        let components: &[T] = match extensions.any(|name| name == QUANTIZATION) {
             true => &[T::F32, T::I8, T::U8, T::I16, T::U16],
             false => &[T::F32],
         };

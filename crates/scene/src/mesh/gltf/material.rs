@@ -6,10 +6,12 @@ use std::sync::Arc;
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 
+use crate::files::sibling;
 use crate::mesh::gltf::document::{self, AlphaMode, Extensions, TextureInfo};
+use crate::mesh::gltf::extension::{EMISSIVE_STRENGTH, IOR, TEXTURE_TRANSFORM, TRANSMISSION};
 use crate::mesh::gltf::{Data, get, invalid, read_value};
 use crate::mesh::material::{Material, PictureSource, Texture, TextureMapping, TextureSlot};
-use crate::mesh::uri::{self, Uri};
+use crate::mesh::uri::Uri;
 use anyhit_base::error::names::list_of;
 use anyhit_base::error::{ErrorKind, Result};
 use anyhit_engine::machine::sampler::{AddressMode, Filter, Sampler};
@@ -75,9 +77,9 @@ impl Data {
             mappings[slot as usize] = mapping(info, &path)?;
         }
         let extensions = &material.extensions;
-        let strength = extension::<EmissiveStrength>(extensions, "KHR_materials_emissive_strength", path)?;
-        let ior = extension::<Ior>(extensions, "KHR_materials_ior", path)?;
-        let transmission = extension::<Transmission>(extensions, "KHR_materials_transmission", path)?;
+        let strength = extension::<EmissiveStrength>(extensions, EMISSIVE_STRENGTH, path)?;
+        let ior = extension::<Ior>(extensions, IOR, path)?;
+        let transmission = extension::<Transmission>(extensions, TRANSMISSION, path)?;
         let (normal, occlusion) = (&material.normal_texture, &material.occlusion_texture);
         Ok(Material {
             name: material.name.clone().unwrap_or_default(),
@@ -147,7 +149,7 @@ impl Data {
         match (&image.uri, image.buffer_view) {
             (Some(uri), _) => match Uri::parse(uri) {
                 Ok(Uri::Data(bytes)) => Ok(PictureSource::Bytes(bytes.into())),
-                Ok(Uri::File(name)) => Ok(PictureSource::File(uri::sibling(path, &name))),
+                Ok(Uri::File(name)) => Ok(PictureSource::File(sibling(path, &name))),
                 Err(error) if error.kind() == ErrorKind::UnsupportedFile => {
                     Ok(PictureSource::Missing(format!("`{user}.uri`: {}", error.message())))
                 }
@@ -165,7 +167,7 @@ impl Data {
 }
 
 fn mapping(info: &TextureInfo, path: &str) -> Result<TextureMapping> {
-    let transform = extension::<TextureTransform>(&info.extensions, "KHR_texture_transform", path)?;
+    let transform = extension::<TextureTransform>(&info.extensions, TEXTURE_TRANSFORM, path)?;
     Ok(match transform {
         None => TextureMapping { texcoord: info.tex_coord, ..TextureMapping::default() },
         Some(TextureTransform { offset, rotation, scale, tex_coord }) => TextureMapping::new(

@@ -4,6 +4,7 @@ use glam::{DMat3, DMat4, DQuat, DVec3, DVec4, Vec3};
 
 use crate::mesh::gltf::accessor::Expected;
 use crate::mesh::gltf::document::{Camera, ComponentType, Node, Shape};
+use crate::mesh::gltf::extension::{INSTANCING, VISIBILITY};
 use crate::mesh::gltf::{Data, get, invalid};
 use crate::mesh::material::{FileCamera, Projection};
 use anyhit_base::error::{ErrorKind, Result};
@@ -11,9 +12,6 @@ use anyhit_base::input::InputLimit;
 
 /// How deep nodes may be nested.
 const MAX_DEPTH: usize = 256;
-
-/// The extension that makes several instances of a node.
-pub(super) const INSTANCING: &str = "EXT_mesh_gpu_instancing";
 
 /// A node that places a mesh.
 pub(super) struct Placed {
@@ -70,14 +68,19 @@ impl<'a> Walk<'a> {
         let path = format!("nodes[{at}]");
         let own = local(node);
         let (world, turn) = (parent.world * own, parent.turn * rotation(node, &own));
-        let visibility = node.extensions.get("KHR_node_visibility");
+        let visibility = node.extensions.get(VISIBILITY);
         let visible = parent.visible && visibility.is_none_or(|one| one["visible"] != false);
         if let Some(camera) = node.camera {
             let camera_path = format!("cameras[{camera}]");
             let camera = get(&document.cameras, camera, "cameras", &path)?;
             let name = node.name.clone().or_else(|| camera.name.clone()).unwrap_or_default();
             let projection = projection(camera, &camera_path)?;
-            self.cameras.push(FileCamera { name, world: unmirrored(&world, turn), projection });
+            self.cameras.push(FileCamera {
+                name,
+                path: camera_path,
+                world: unmirrored(&world, turn),
+                projection,
+            });
         }
         if let Some(mesh) = node.mesh {
             get(&document.meshes, mesh, "meshes", &path)?;

@@ -9,7 +9,7 @@ use crate::mesh::gltf::Data;
 use crate::mesh::gltf::deform::{Placement, Pose};
 use crate::mesh::gltf::document::{Node, Primitive};
 use crate::mesh::gltf::nodes::{Placed, is_flat};
-use crate::mesh::gltf::unread::{self, Ignored};
+use crate::mesh::gltf::unread::{Ignored, Skipped};
 use crate::mesh::listed::ModelNode;
 use anyhit_base::error::Result;
 
@@ -70,7 +70,7 @@ impl<'a> Poses<'a> {
 
     fn push(&mut self, mesh: usize, name: Option<String>, pose: Pose) {
         let primitives = self.data.document.meshes[mesh].primitives.iter().enumerate();
-        let primitives = primitives.filter(|(_, one)| unread::skipped(one).is_none()).map(|(at, _)| at);
+        let primitives = primitives.filter(|(_, one)| Skipped::of(one).is_none()).map(|(at, _)| at);
         self.meshes.push(PosedMesh { mesh, name, pose, primitives: primitives.collect() });
     }
 
@@ -80,7 +80,7 @@ impl<'a> Poses<'a> {
         let (node, own) = (&document.nodes[at], &document.meshes[mesh]);
         let weights = self.data.weights(mesh, node.weights.as_ref().unwrap_or(&own.weights));
         let has_joints = |primitive: &Primitive| {
-            unread::skipped(primitive).is_some()
+            Skipped::of(primitive).is_some()
                 || ["JOINTS_0", "WEIGHTS_0"].iter().all(|name| primitive.attributes.contains_key(*name))
         };
         let skin = node.skin.filter(|_| own.primitives.iter().all(has_joints));

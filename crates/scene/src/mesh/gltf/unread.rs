@@ -3,23 +3,9 @@
 use std::collections::BTreeSet;
 
 use crate::mesh::gltf::document::{Document, Mode, Primitive};
+use crate::mesh::gltf::extension::{COMPRESSED, READ};
 use anyhit_base::error::names::list_of;
 use anyhit_base::error::{Error, ErrorKind, Result};
-
-/// The extensions that are read.
-const READ: &[&str] = &[
-    "EXT_mesh_gpu_instancing",
-    "KHR_materials_emissive_strength",
-    "KHR_materials_ior",
-    "KHR_materials_transmission",
-    "KHR_mesh_quantization",
-    "KHR_node_visibility",
-    "KHR_texture_transform",
-];
-
-/// The extensions that compress. Only what is compressed is not read.
-const COMPRESSED: &[&str] =
-    &["EXT_meshopt_compression", "KHR_draco_mesh_compression", "KHR_meshopt_compression"];
 
 /// The extensions that do not change triangles, besides those of materials, textures and lights.
 const WITHOUT_GEOMETRY: &[&str] = &[
@@ -53,13 +39,30 @@ pub(super) fn check_required(document: &Document) -> Result<()> {
 }
 
 /// Why a primitive is not read.
-pub(super) fn skipped(primitive: &Primitive) -> Option<&'static str> {
-    match primitive.mode {
-        Mode::Points => Some("points"),
-        Mode::Lines => Some("lines"),
-        // glTF 2.0, 3.7.2.1: primitives without positions are not drawn.
-        _ if !primitive.attributes.contains_key("POSITION") => Some("triangles without positions"),
-        _ => None,
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Skipped {
+    Points,
+    Lines,
+    WithoutPositions,
+}
+
+impl Skipped {
+    /// The reasons with the content of such primitives.
+    const ALL: [(Self, &str); 3] = [
+        (Self::Points, "points"),
+        (Self::Lines, "lines"),
+        (Self::WithoutPositions, "triangles without positions"),
+    ];
+
+    /// Why a primitive is not read; `None` if it is.
+    pub(super) fn of(primitive: &Primitive) -> Option<Self> {
+        match primitive.mode {
+            Mode::Points => Some(Self::Points),
+            Mode::Lines => Some(Self::Lines),
+            // glTF 2.0, 3.7.2.1: primitives without positions are not drawn.
+            _ if !primitive.attributes.contains_key("POSITION") => Some(Self::WithoutPositions),
+            _ => None,
+        }
     }
 }
 
@@ -87,9 +90,9 @@ pub(super) fn list(document: &Document, ignored: &Ignored) -> Vec<String> {
     add(ignored.hidden, "hidden node", "hidden nodes");
     add(document.scenes.len().saturating_sub(1), "further scene", "further scenes");
     let primitives = || document.meshes.iter().flat_map(|mesh| &mesh.primitives);
-    for kind in ["points", "lines", "triangles without positions"] {
-        let count = primitives().filter(|primitive| skipped(primitive) == Some(kind)).count();
-        add(count, &format!("primitive of {kind}"), &format!("primitives of {kind}"));
+    for (reason, content) in Skipped::ALL {
+        let count = primitives().filter(|primitive| Skipped::of(primitive) == Some(reason)).count();
+        add(count, &format!("primitive of {content}"), &format!("primitives of {content}"));
     }
     let pictures = document.textures.iter().filter(|texture| texture.source.is_none()).count();
     add(pictures, "texture without a picture", "textures without a picture");
