@@ -7,4 +7,6 @@ pub mod mutate;
 pub mod program;
 pub mod recorded;
 pub mod skipped;
+#[cfg(unix)]
+pub mod terminal;
 pub mod verdict;

@@ -1,11 +1,13 @@
 //! `anyhit check-math`: compares the elementary functions with their correctly rounded results.
 
-use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::Value;
+use std::sync::OnceLock;
 
 use crate::cli::output;
 use crate::cli::share::ShareArgs;
+use anyhit_base::count::grouped;
 use anyhit_base::error::{Error, ErrorKind, Result};
+use anyhit_base::progress::Work;
 use anyhit_cases::shares::ShareResults;
 use anyhit_cases::shares::check_math::{CheckMathResult, CheckMathWhole};
 use anyhit_stress::check_math::float_width::FloatWidth;
@@ -88,14 +90,11 @@ pub(super) fn run(args: CheckMathArgs) -> Result<()> {
     form.print_heading()?;
     let mut result = CheckMathResult::default();
     for (place, (format, function)) in all.into_iter().enumerate().filter(|(place, _)| shard.holds(*place)) {
-        let style = ProgressStyle::with_template("{msg} {wide_bar} {percent}% {eta}");
-        let bar = ProgressBar::new(0).with_message(function.name);
-        let bar = style.map_or_else(|_| bar.clone(), |style| bar.clone().with_style(style));
+        let work = OnceLock::new();
         let report = check_math::run(function, format, &settings, |count, total| {
-            bar.set_length(total);
-            bar.inc(count);
+            work.get_or_init(|| Work::counted(function.name, total)).advance(count);
         });
-        bar.finish_and_clear();
+        drop(work);
         form.print_line(&report)?;
         result.functions.push((place, report));
     }
@@ -131,7 +130,7 @@ impl ReportForm {
         let time = if self.with_times { format!(" {:>9}", "s") } else { String::new() };
         let [function, width, inputs, precise, wrong] = ["function", "width", "inputs", "precise", "wrong"];
         output::print(format_args!(
-            "{function:<14} {width:>5} {inputs:>12} {precise:>10} {wrong:>8}{time}  inputs\n"
+            "{function:<14} {width:>5} {inputs:>13} {precise:>13} {wrong:>8}{time}  inputs\n"
         ))
     }
 
@@ -140,12 +139,13 @@ impl ReportForm {
             return Ok(());
         }
         let CheckMathReport { function, width, inputs, precise, wrong, which, .. } = report;
+        let [inputs, precise, wrong] = [inputs, precise, wrong].map(grouped);
         let time = match self.with_times {
             true => format!(" {:>9.1}", report.time.as_secs_f64()),
             false => String::new(),
         };
         let mut out =
-            format!("{function:<14} {width:>5} {inputs:>12} {precise:>10} {wrong:>8}{time}  {which}");
+            format!("{function:<14} {width:>5} {inputs:>13} {precise:>13} {wrong:>8}{time}  {which}");
         if let Some(error) = report.greatest_error {
             out += &format!(", at most {error:.3} ulp");
         }
@@ -173,12 +173,12 @@ impl ReportForm {
             output::print(format_args!("{json:#}\n"))?;
         } else {
             let inputs = sum(|report| report.inputs);
-            output::print(format_args!("\n{inputs} results: {wrong} wrong\n"))?;
+            output::print(format_args!("\n{} results: {} wrong\n", grouped(inputs), grouped(wrong)))?;
         }
         if wrong == 0 {
             Ok(())
         } else {
-            Err(Error::new(ErrorKind::Expectation, format!("{wrong} wrong results")))
+            Err(Error::new(ErrorKind::Expectation, format!("{} wrong results", grouped(wrong))))
         }
     }
 }

@@ -10,6 +10,7 @@ use crate::cli::source::SourceArgs;
 use anyhit_base::atomic_file;
 use anyhit_base::error::{Error, ErrorKind, Result};
 use anyhit_base::input::InputLimits;
+use anyhit_base::progress::Work;
 use anyhit_compile::{
     CompileOptions, DebugInfoLevel, Optimize, Source, SourceWords, compile_with_warnings, fixtures,
 };
@@ -98,7 +99,9 @@ fn compile_source(
     let name = path.to_string_lossy();
     let source = Source::read_as(settings.language(&name)?, Path::new(""), &name, limits)?;
     let source = source.include_folders(&settings.include_folders);
+    let work = Work::new("compiling");
     let compiled = compile_with_warnings(&source, &settings.over(options))?;
+    drop(work);
     output::warnings(&compiled.warnings);
     atomic_file::write(output, compiled.spirv)
 }
@@ -110,7 +113,9 @@ fn regenerate(force: bool) -> Result<()> {
         let note = "help: run the command in the root of the repository";
         return Err(Error::new(ErrorKind::InvalidArgument, text).note(note));
     }
+    let work = Work::new("compiling fixtures");
     let report = fixtures::regenerate(&root, force)?;
+    drop(work);
     for name in &report.written {
         output::print(format_args!("wrote {}/{name}\n", fixtures::FIXTURES))?;
     }

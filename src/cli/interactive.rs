@@ -26,8 +26,12 @@ use anyhit_debugger::debugger::Debugger;
 /// first command that fails ends the session with an error of its own.
 pub(super) fn run(debugger: Debugger, colours: bool) -> Result<()> {
     let (console, reply) = Console::new(debugger, colours);
+    let is_terminal = stdin().is_terminal() && stdout().is_terminal();
+    if is_terminal {
+        output::print("`help` lists the commands, Tab completes them, `quit` ends the session\n")?;
+    }
     output::print(&reply.text)?;
-    match stdin().is_terminal() && stdout().is_terminal() {
+    match is_terminal {
         true => from_terminal(console),
         false => from_script(console),
     }

@@ -1,4 +1,5 @@
-//! Signals that end the program: what it has not finished writing is removed before.
+//! Signals that end the program: what it has not finished writing is removed before, and so is the
+//! bar that shows progress.
 
 /// Has a write beyond the limit of a file's size (`ulimit -f`) fail, which is told as a full disk
 /// is; and has temporary files removed when a signal ends the program, from the first of them on.
@@ -13,9 +14,30 @@ pub(super) fn prepare() {
 #[cfg(not(unix))]
 pub(super) fn prepare() {}
 
-/// Waits for signals in a thread of its own.
+/// As [`prepare`], there is no way.
+#[cfg(not(unix))]
+pub(super) fn before_end(_: fn()) {}
+
+/// What removes the bar of progress, once there is one.
+#[cfg(unix)]
+static CLEAR: std::sync::OnceLock<fn()> = std::sync::OnceLock::new();
+
+/// Has a function that removes a bar of progress called before a signal ends the program.
+#[cfg(unix)]
+pub(super) fn before_end(clear: fn()) {
+    let _ = CLEAR.set(clear);
+    watch();
+}
+
+/// Waits for signals in a thread of its own, from the first call on.
 #[cfg(unix)]
 fn watch() {
+    static ONCE: std::sync::Once = std::sync::Once::new();
+    ONCE.call_once(wait_for_signals);
+}
+
+#[cfg(unix)]
+fn wait_for_signals() {
     use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
     use signal_hook::iterator::Signals;
     use signal_hook::low_level::emulate_default_handler;
@@ -26,12 +48,28 @@ fn watch() {
     let wait = move || {
         for signal in signals.forever() {
             anyhit_base::atomic_file::abandon_all();
+            clear_progress();
             // Ends the program as the signal would have.
             let _ = emulate_default_handler(signal);
         }
     };
     // Without the thread the signals would be lost, so `Signals` is dropped with it.
     let _ = std::thread::Builder::new().name("signals".into()).stack_size(1 << 18).spawn(wait);
+}
+
+/// Removes the bar of progress, unless whoever draws it waits for a reader that has stopped.
+#[cfg(unix)]
+fn clear_progress() {
+    const PATIENCE: std::time::Duration = std::time::Duration::from_millis(200);
+    let Some(&clear) = CLEAR.get() else { return };
+    let (done, cleared) = std::sync::mpsc::channel();
+    let remove = move || {
+        clear();
+        let _ = done.send(());
+    };
+    if std::thread::Builder::new().stack_size(1 << 18).spawn(remove).is_ok() {
+        let _ = cleared.recv_timeout(PATIENCE);
+    }
 }
 
 /// The signals that the caller has this program ignore, bit 0 for signal 1: `nohup` ignores SIGHUP,

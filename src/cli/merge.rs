@@ -10,7 +10,9 @@ use crate::cli::sanitize::FindingFormat;
 use crate::cli::smoke::modules;
 #[cfg(feature = "stress")]
 use crate::cli::stress;
-use crate::cli::suite_report::{ReportFormat, SuiteFiles, check_formats, print_end, print_test, verdict};
+use crate::cli::suite_report::{
+    ReportFormat, SuiteFiles, check_formats, claim_stdout, print_end, print_test, verdict,
+};
 use anyhit_base::error::{Error, ErrorKind, Place, Result};
 use anyhit_base::input::{InputLimit, InputLimits, read_argument};
 use anyhit_base::{atomic_file, escape};
@@ -48,6 +50,9 @@ pub(super) struct MergeArgs {
     /// For tests: also write failed tests and findings as SARIF 2.1.0
     #[arg(long, value_name = "FILE")]
     sarif: Option<PathBuf>,
+    /// For tests: also write the findings as a JSON array
+    #[arg(long, value_name = "FILE")]
+    findings_json: Option<PathBuf>,
     /// For tests: write the results as JUnit XML, without times
     #[arg(long, value_name = "FILE")]
     junit: Option<PathBuf>,
@@ -82,11 +87,13 @@ pub(super) fn run(args: MergeArgs) -> Result<()> {
     let bytes = read(first, &limits)?;
     let command = command_of(first, &bytes)?;
     args.check(&command)?;
-    if args.findings.is_data() {
-        output::claim_stdout();
-    }
-    output::claim_stdout_for([args.sarif.as_deref(), args.junit.as_deref(), args.coverage.as_deref()]);
     check_formats(args.format, args.findings)?;
+    let findings =
+        [("--sarif -", args.sarif.as_deref()), ("--findings-json -", args.findings_json.as_deref())];
+    output::claim_stdout_for(findings)?;
+    if command == SuiteResult::COMMAND {
+        claim_stdout(args.format, args.findings, args.junit.as_deref(), args.coverage.as_deref())?;
+    }
     let files = FilesToMerge { args: &args, first: &bytes, limits: &limits };
     match command.as_str() {
         SuiteResult::COMMAND => args.print_suite(&files.merged()?),
@@ -118,6 +125,7 @@ impl MergeArgs {
             (self.summary.is_some(), "--summary"),
             (self.timings.is_some(), "--timings"),
             (self.sarif.is_some(), "--sarif"),
+            (self.findings_json.is_some(), "--findings-json"),
             (self.findings != FindingFormat::Text, "--findings"),
         ];
         let of_pictures = [(self.output.is_some(), "--output")];
@@ -156,6 +164,7 @@ impl MergeArgs {
             junit: self.junit.as_deref(),
             coverage: self.coverage.as_deref(),
             sarif: self.sarif.as_deref(),
+            findings_json: self.findings_json.as_deref(),
             summary: self.summary.as_deref(),
             timings: self.timings.as_deref(),
             with_times: false,

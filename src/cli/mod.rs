@@ -25,6 +25,7 @@ mod numbers;
 mod output;
 mod page_args;
 mod precision;
+mod progress;
 mod render;
 mod run;
 mod sanitize;
@@ -32,6 +33,7 @@ mod scene;
 pub mod scene_schema;
 mod schema;
 mod share;
+mod short_help;
 mod smoke;
 mod source;
 mod stability;
@@ -131,9 +133,17 @@ fn batch_widths() -> impl TypedValueParser<Value = BatchWidth> {
 /// It handles signals of the whole process, and so is for a program that does nothing else.
 pub fn main() -> ExitCode {
     interrupt::prepare();
+    progress::prepare();
     output::choose_colours(std::env::args_os());
+    let arguments = || std::env::args_os().map(|argument| argument.to_string_lossy().into_owned());
     let run = match CommandLine::try_parse().map_err(|error| in_escapes(error, std::env::args_os())) {
         Ok(line) => line.command.run(),
+        Err(error) if short_help::is_asked(&error, arguments()) => {
+            match short_help::print(CommandLine::command(), arguments()) {
+                Ok(()) => return ExitCode::SUCCESS,
+                Err(error) => Err(error),
+            }
+        }
         Err(error) => match output::command_line(&error) {
             Ok(()) => {
                 if let Some(feature) = lacking_feature(&error) {

@@ -4,13 +4,14 @@ use std::ffi::OsString;
 use std::fmt::Display;
 use std::io::{ErrorKind, Write, stderr, stdout};
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::OnceLock;
 
 use anstream::stream::RawStream;
 use anstream::{AutoStream, ColorChoice};
 use clap::ValueEnum;
 use clap::builder::{PathBufValueParser, TypedValueParser};
 
+use crate::cli::progress;
 use anyhit_base::error::{Error, ErrorReport, Result, Warning};
 use anyhit_base::{atomic_file, escape};
 use anyhit_engine::machine::Printed;
@@ -28,17 +29,26 @@ pub(super) fn print(text: impl Display) -> Result<()> {
     write_report(&escape::text(&text.to_string(), styled))
 }
 
-/// Whether standard output is kept for data.
-static CLAIMED: AtomicBool = AtomicBool::new(false);
+/// The flag with whose data standard output is kept.
+static CLAIMED: OnceLock<&str> = OnceLock::new();
 
-/// Keeps standard output for data that another program reads, which [`print_data`] prints: all
-/// other text goes to standard error from here on.
-pub(super) fn claim_stdout() {
-    CLAIMED.store(true, Ordering::Relaxed);
+/// Keeps standard output for the data of a flag, which another program reads and [`print_data`]
+/// prints: all other text goes to standard error from here on.
+///
+/// # Errors
+/// `InvalidArgument` where the data of another flag goes there.
+pub(super) fn claim_stdout(flag: &'static str) -> Result<()> {
+    let first = *CLAIMED.get_or_init(|| flag);
+    if first == flag {
+        return Ok(());
+    }
+    let message = format!("`{first}` and `{flag}` cannot both print to standard output");
+    Err(Error::new(anyhit_base::error::ErrorKind::InvalidArgument, message)
+        .note("help: write one of them to a file"))
 }
 
 fn is_claimed() -> bool {
-    CLAIMED.load(Ordering::Relaxed)
+    CLAIMED.get().is_some()
 }
 
 /// Prints data that another program reads to standard output.
@@ -55,11 +65,15 @@ fn is_stdout(path: &Path) -> bool {
     names.iter().any(|name| path == Path::new(name))
 }
 
-/// Keeps standard output for data where it is one of the files that are to be written.
-pub(super) fn claim_stdout_for<'a>(files: impl IntoIterator<Item = Option<&'a Path>>) {
-    if files.into_iter().flatten().any(is_stdout) {
-        claim_stdout();
-    }
+/// Keeps standard output for data where it is one of the files that flags ask for.
+///
+/// # Errors
+/// As [`claim_stdout`].
+pub(super) fn claim_stdout_for<'a>(
+    files: impl IntoIterator<Item = (&'static str, Option<&'a Path>)>,
+) -> Result<()> {
+    let mut claims = files.into_iter().filter(|(_, file)| file.is_some_and(is_stdout));
+    claims.try_for_each(|(flag, _)| claim_stdout(flag))
 }
 
 /// Writes data to a file, or to standard output where the path is `-`.
@@ -88,7 +102,7 @@ pub(super) fn json_error(json: bool, error: Error) -> Error {
     if json {
         let errors = serde_json::json!({ "errors": ErrorReport::all(&error) });
         // The error itself is worth more than that it could not be printed here, too.
-        let _ = print(format_args!("{errors:#}\n"));
+        let _ = print_data(format_args!("{errors:#}\n"));
     }
     error
 }
@@ -111,7 +125,8 @@ pub(super) fn printed(printed: &Printed) -> Result<bool> {
 /// Prints a hint for the user to standard error.
 pub(super) fn hint(text: impl Display) {
     // A hint that cannot be written is no reason to fail.
-    let _ = writeln!(stderr().lock(), "{}", escape::text(&text.to_string(), false));
+    let text = escape::text(&text.to_string(), false).into_owned();
+    let _ = progress::hidden(|| writeln!(stderr().lock(), "{text}"));
 }
 
 /// Prints notes to standard error, a line each; a warning among them says so.
@@ -219,7 +234,7 @@ fn write_report(text: &str) -> Result<()> {
 }
 
 fn write_to(to: &mut impl Write, text: &str) -> Result<()> {
-    judged(to.write_all(text.as_bytes()).and_then(|()| to.flush()))
+    judged(progress::hidden(|| to.write_all(text.as_bytes()).and_then(|()| to.flush())))
 }
 
 fn judged(printed: std::io::Result<()>) -> Result<()> {

@@ -5,9 +5,7 @@ mod share;
 
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
-
-use indicatif::{ProgressBar, ProgressStyle};
+use std::time::Instant;
 
 use crate::cli::input::{SceneFileArgs, VariantArgs};
 use crate::cli::limits::LimitArgs;
@@ -20,6 +18,7 @@ use crate::cli::stability::StabilityArgs;
 use crate::cli::{output, precision, stats};
 use anyhit_base::error::{Error, ErrorKind, Place, Result};
 use anyhit_base::escape;
+use anyhit_base::progress::Work;
 use anyhit_cases::shares::render::RenderWhole;
 use anyhit_cases::stability::deep_copy;
 use anyhit_debugger::shell;
@@ -104,7 +103,7 @@ pub(super) struct RenderArgs {
 /// Errors of the scene, of a shader that traps, or of writing the image; `Expectation` if
 /// `--perturb` finds that an output is not stable, after everything is written and printed.
 pub(super) fn run(args: RenderArgs) -> Result<()> {
-    args.sanitize.claim_stdout();
+    args.sanitize.claim_stdout()?;
     let json = args.json && args.look.is_requested();
     if args.look.is_requested() {
         return run_look(args).map_err(|error| output::json_error(json, error));
@@ -151,10 +150,11 @@ pub(super) fn run(args: RenderArgs) -> Result<()> {
             to_srgb: encoding.to_srgb,
             keep_alpha: encoding.keep_alpha,
         };
-        let bar = progress_bar(u64::from(width) * u64::from(height) / args.share.shard_or_whole().of as u64);
+        let pixels = u64::from(width) * u64::from(height);
+        let work = Work::counted("rendering", pixels / args.share.shard_or_whole().of as u64);
         let shared = PictureShare { share: &args.share, whole, bands };
-        let outcome = shared.run(RunOptions::of(args.lanes).on_progress(&|count| bar.inc(count)));
-        bar.finish_and_clear();
+        let outcome = shared.run(RunOptions::of(args.lanes).on_progress(&|count| work.advance(count)));
+        drop(work);
         output::printed(&printed)?;
         return outcome;
     }
@@ -174,20 +174,21 @@ pub(super) fn run(args: RenderArgs) -> Result<()> {
 
     let size = assembled.size;
     let is_single_launch = assembled.is_single_launch();
-    let bar = progress_bar(match is_single_launch {
-        true => size.iter().map(|&side| u64::from(side)).product(),
-        false => assembled.invocations(),
-    });
     let drawn =
         args.many_seeds.run(&args.sanitize, &args.stability, &resolved, &assembled, repeated(&args))?;
     let launched = Instant::now();
     let launch = assembled.launch();
-    let on_progress = |count| bar.inc(count);
-    let options = RunOptions::of(args.lanes).on_progress(&on_progress);
     let sanitized = match args.sanitize.is_requested() {
         true => Some(args.sanitize.run(&resolved, &assembled, &assembled.resources)?),
         false => None,
     };
+    let invocations = match is_single_launch {
+        true => size.iter().map(|&side| u64::from(side)).product(),
+        false => assembled.invocations(),
+    };
+    let work = Work::counted("rendering", invocations);
+    let on_progress = |count| work.advance(count);
+    let options = RunOptions::of(args.lanes).on_progress(&on_progress);
     let outcome = match &bands {
         _ if sanitized.is_some() => Ok(Stats::default()),
         None if !is_single_launch => assembled.run(&assembled.resources, options),
@@ -196,7 +197,7 @@ pub(super) fn run(args: RenderArgs) -> Result<()> {
             bands.run(options, &mut |band| png.rows(band.rows(), |row| band.row_bytes(row)))
         }),
     };
-    bar.finish_and_clear();
+    drop(work);
     let launch_time = launched.elapsed();
     output::printed(&printed)?;
     let launch_stats = outcome?;
@@ -427,15 +428,6 @@ pub(super) fn size(text: &str) -> Result<[u32; 2], String> {
         Some((Ok(width), Ok(height))) if width > 0 && height > 0 => Ok([width, height]),
         _ => Err(format!("`{text}` is not WIDTHxHEIGHT, such as 640x360")),
     }
-}
-
-/// A progress bar, shown if standard error is a terminal and the work takes a while.
-fn progress_bar(count: u64) -> ProgressBar {
-    let bar = ProgressBar::new(count);
-    let style = ProgressStyle::with_template("{bar:40} {percent:>3} %  {elapsed_precise}  about {eta} left");
-    bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
-    bar.enable_steady_tick(Duration::from_millis(250));
-    bar
 }
 
 #[cfg(test)]

@@ -18,6 +18,7 @@ use crate::cli::{output, precision, stats};
 use anyhit_base::atomic_file;
 use anyhit_base::error::Result;
 use anyhit_base::input::{InputLimit, is_stream, read_argument};
+use anyhit_base::progress::Work;
 use anyhit_engine::geometry::Precision;
 use anyhit_engine::machine::{LaunchLimits, MemoryPolicy};
 use anyhit_engine::pipeline::{BatchWidth, RunOptions};
@@ -87,7 +88,7 @@ pub(super) struct RunArgs {
 /// Errors of the scene, the module or the arguments, and the trap that ended a shader, after the
 /// requested resources are printed.
 pub(super) fn run(args: RunArgs) -> Result<()> {
-    args.sanitize.claim_stdout();
+    args.sanitize.claim_stdout()?;
     let begin = Instant::now();
     let (is_scene, streamed) = what(&args)?;
     let scene = match is_scene {
@@ -163,7 +164,12 @@ fn run_scene(args: &RunArgs, mut scene: ResolvedScene, is_scene: bool, begin: In
     };
     let (found, outcome) = match sanitized {
         Some(run) => (Some(run.findings), run.outcome),
-        None => (None, assembled.run(&assembled.resources, RunOptions::of(args.lanes))),
+        None => {
+            let work = Work::counted("running", assembled.invocations());
+            let on_progress = |count| work.advance(count);
+            let options = RunOptions::of(args.lanes).on_progress(&on_progress);
+            (None, assembled.run(&assembled.resources, options))
+        }
     };
     let launch_time = launched.elapsed();
     let has_output = args.stats || !shown.is_empty() || !saved.is_empty();

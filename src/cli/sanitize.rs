@@ -8,8 +8,10 @@ use crate::cli::output;
 use anyhit_base::atomic_file;
 use anyhit_base::error::{Error, Result};
 use anyhit_base::input::{InputLimit, InputLimits, read_argument};
+use anyhit_base::progress::Work;
 use anyhit_cases::sanitized::{SanitizedRun, deny, run_sanitized, sanitize_one};
 use anyhit_cases::source_tree::SourceTree;
+use anyhit_cases::suite::findings_sarif;
 use anyhit_debugger::session::ResolvedRequest;
 use anyhit_engine::machine::Resources;
 use anyhit_engine::pipeline::Stats;
@@ -42,6 +44,9 @@ pub(super) struct SanitizeArgs {
     /// scanning
     #[arg(long, value_name = "FILE", requires = "checks")]
     sarif: Option<PathBuf>,
+    /// Also write the findings to this file (`-` for standard output) as a JSON array
+    #[arg(long, value_name = "FILE", requires = "checks")]
+    findings_json: Option<PathBuf>,
     /// Do not report the findings that this file lists; `--write-baseline` writes such a file
     #[arg(long, value_name = "FILE", requires = "checks")]
     baseline: Option<PathBuf>,
@@ -65,9 +70,21 @@ pub(super) enum FindingFormat {
 }
 
 impl FindingFormat {
-    /// Whether findings are printed as data, of which standard output has nothing else.
-    pub(super) fn is_data(self) -> bool {
-        matches!(self, Self::Json | Self::Sarif)
+    /// The flag by which findings are printed as data, of which standard output has nothing else.
+    fn data_flag(self) -> Option<&'static str> {
+        match self {
+            Self::Text | Self::Github => None,
+            Self::Json => Some("--findings json"),
+            Self::Sarif => Some("--findings sarif"),
+        }
+    }
+
+    /// Keeps standard output for findings that are printed as data.
+    ///
+    /// # Errors
+    /// As [`output::claim_stdout`].
+    pub(super) fn claim_stdout(self) -> Result<()> {
+        self.data_flag().map_or(Ok(()), output::claim_stdout)
     }
 
     /// Prints findings for other tools; nothing as text, which has more than records do.
@@ -78,7 +95,7 @@ impl FindingFormat {
         match self {
             Self::Text => Ok(()),
             Self::Json => output::print_data(format_args!("{}\n", formats::json(findings))),
-            Self::Sarif => output::print_data(format_args!("{}\n", formats::sarif(findings))),
+            Self::Sarif => output::print_data(findings_sarif(findings)),
             Self::Github => output::print_commands(formats::github(findings)),
         }
     }
@@ -95,13 +112,27 @@ impl SanitizeArgs {
         self.sarif.as_deref()
     }
 
+    /// The file that findings are written to as JSON.
+    pub(super) fn findings_json(&self) -> Option<&Path> {
+        self.findings_json.as_deref()
+    }
+
     /// Keeps standard output for findings, where they are printed there as data. Called before
     /// anything else is printed.
-    pub(super) fn claim_stdout(&self) {
-        if self.findings.is_data() {
-            output::claim_stdout();
-        }
-        output::claim_stdout_for([self.sarif()]);
+    ///
+    /// # Errors
+    /// As [`output::claim_stdout`].
+    pub(super) fn claim_stdout(&self) -> Result<()> {
+        self.findings.claim_stdout()?;
+        self.claim_stdout_for_files()
+    }
+
+    /// Keeps standard output for files of findings that are written there.
+    ///
+    /// # Errors
+    /// As [`output::claim_stdout`].
+    pub(super) fn claim_stdout_for_files(&self) -> Result<()> {
+        output::claim_stdout_for([("--sarif -", self.sarif()), ("--findings-json -", self.findings_json())])
     }
 
     /// How findings are printed.
@@ -165,7 +196,9 @@ impl SanitizeArgs {
         assembled: &Assembled,
         resources: &Resources,
     ) -> Result<SanitizedRun> {
+        let work = Work::new("running under the sanitizer");
         let run = run_sanitized(scene, assembled, resources, &self.levels(scene)?);
+        drop(work);
         run.or_else(|error| self.refuse(error, &scene.path))
     }
 
@@ -251,7 +284,10 @@ impl SanitizeArgs {
     fn print(&self, findings: &Findings, data: &Findings, scene: &Path) -> Result<()> {
         let records = || SourceTree::of_repository().place(data.records(), scene);
         if let Some(path) = &self.sarif {
-            output::write_data(path, &format!("{}\n", formats::sarif(&records())))?;
+            output::write_data(path, &findings_sarif(&records()))?;
+        }
+        if let Some(path) = &self.findings_json {
+            write_json(path, &records())?;
         }
         match self.findings {
             FindingFormat::Text => {
@@ -263,4 +299,12 @@ impl SanitizeArgs {
             other => other.print_records(&records()),
         }
     }
+}
+
+/// Writes findings as JSON.
+///
+/// # Errors
+/// `Io`.
+pub(super) fn write_json(file: &Path, findings: &[FindingRecord]) -> Result<()> {
+    output::write_data(file, &format!("{}\n", formats::json(findings)))
 }

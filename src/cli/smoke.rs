@@ -11,6 +11,7 @@ use clap::Args;
 
 use crate::cli::input::{InputLimitArgs, StrictArgs};
 use crate::cli::limits::LaunchLimitArgs;
+use crate::cli::sanitize::write_json;
 use crate::cli::share::ShareArgs;
 use crate::cli::smoke::modules::ModulesToRun;
 use crate::cli::smoke::verdict::{JsonReport, verdict};
@@ -18,10 +19,12 @@ use crate::cli::source::SourceArgs;
 use crate::cli::{module_file, numbers, output};
 use anyhit_base::error::{Error, ErrorKind, ErrorReport, Result};
 use anyhit_base::escape;
+use anyhit_base::progress::Work;
 use anyhit_cases::smoke::{SmokeOptions, SmokeReport};
 use anyhit_cases::source_tree::SourceTree;
+use anyhit_cases::suite::findings_sarif;
 use anyhit_engine::machine::LaunchLimits;
-use anyhit_sanitize::{FindingRecord, formats};
+use anyhit_sanitize::FindingRecord;
 
 /// Run every ray-tracing and compute entry point of a module on synthetic inputs.
 ///
@@ -67,6 +70,10 @@ pub(super) struct SmokeArgs {
     /// 2.1.0, for code scanning
     #[arg(long, value_name = "FILE", requires = "sanitize")]
     sarif: Option<PathBuf>,
+    /// With --sanitize: also write the findings to this file (`-` for standard output) as a JSON
+    /// array
+    #[arg(long, value_name = "FILE", requires = "sanitize")]
+    findings_json: Option<PathBuf>,
     /// Fail if an entry point enters less than this percentage of its basic blocks
     #[arg(long, value_name = "PERCENT", value_parser = percent)]
     min_coverage: Option<f64>,
@@ -95,7 +102,11 @@ fn percent(text: &str) -> std::result::Result<f64, String> {
 /// traps; `UnsupportedModule` or `InvalidModule` where one does not run; `Finding` where the
 /// sanitizer denies what is in the module. Of several modules the worst.
 pub(super) fn run(args: SmokeArgs) -> Result<()> {
-    output::claim_stdout_for([args.sarif.as_deref()]);
+    if args.json {
+        output::claim_stdout("--json")?;
+    }
+    let files = FindingFiles { sarif: args.sarif.clone(), json: args.findings_json.clone() };
+    files.claim_stdout()?;
     let options = SmokeOptions {
         seed: args.seed,
         fuel: args.fuel,
@@ -118,7 +129,7 @@ pub(super) fn run(args: SmokeArgs) -> Result<()> {
             options,
             min_coverage,
             jobs: args.jobs.map_or(0, usize::from),
-            sarif: args.sarif.clone(),
+            files,
             strict,
         };
         return many.run(&args.modules, &args.share, args.json);
@@ -127,16 +138,16 @@ pub(super) fn run(args: SmokeArgs) -> Result<()> {
     let module = module_file::read_or_compile(path, &limits, &words)
         .and_then(|module| module_file::check_declarations(path, module, strict));
     let module = Arc::new(module.map_err(|error| output::json_error(args.json, error))?);
+    let work = Work::new("running entry points");
     let report = SmokeReport::of(&module, options);
+    drop(work);
     let verdict = verdict(&report, min_coverage);
-    if let Some(file) = &args.sarif {
-        write_sarif(file, &findings_of(&report, path))?;
-    }
+    files.write(&findings_of(&report, path))?;
     if args.json {
         let errors = verdict.as_ref().err().map_or_else(Vec::new, ErrorReport::all);
         let json = serde_json::to_string_pretty(&JsonReport { report: &report, errors })
             .map_err(|error| Error::new(ErrorKind::Io, format!("{}: {error}", escape::path(&path))))?;
-        output::print(format_args!("{json}\n"))?;
+        output::print_data(format_args!("{json}\n"))?;
     } else {
         output::print(report.text())?;
     }
@@ -145,14 +156,29 @@ pub(super) fn run(args: SmokeArgs) -> Result<()> {
 
 /// The findings of all entry points of a module.
 fn findings_of(report: &SmokeReport, module: &Path) -> Vec<FindingRecord> {
+    let name = escape::path(&module).to_string();
     let found = report.entry_points.iter().flat_map(|entry| entry.findings.records());
+    let found = found.map(|finding| FindingRecord { module: Some(name.clone()), ..finding });
     SourceTree::of_repository().place(found.collect(), module)
 }
 
-/// Writes findings as SARIF.
-///
-/// # Errors
-/// `Io`.
-fn write_sarif(file: &Path, findings: &[FindingRecord]) -> Result<()> {
-    output::write_data(file, &format!("{}\n", formats::sarif(findings)))
+/// The files that findings are written to.
+struct FindingFiles {
+    sarif: Option<PathBuf>,
+    json: Option<PathBuf>,
+}
+
+impl FindingFiles {
+    /// Keeps standard output for the file that is written there.
+    fn claim_stdout(&self) -> Result<()> {
+        let files = [("--sarif -", &self.sarif), ("--findings-json -", &self.json)];
+        output::claim_stdout_for(files.map(|(flag, file)| (flag, file.as_deref())))
+    }
+
+    fn write(&self, findings: &[FindingRecord]) -> Result<()> {
+        if let Some(file) = &self.sarif {
+            output::write_data(file, &findings_sarif(findings))?;
+        }
+        self.json.as_ref().map_or(Ok(()), |file| write_json(file, findings))
+    }
 }

@@ -5,7 +5,9 @@ use std::ops::Range;
 use clap::Args;
 
 use crate::cli::{numbers, output};
+use anyhit_base::count::grouped;
 use anyhit_base::error::{Error, ErrorKind, Result};
+use anyhit_base::progress::Work;
 use anyhit_cases::stability::perturb::perturb_one;
 use anyhit_cases::stability::shadow::shadow_one;
 use anyhit_cases::stability::{Envelope, Perturbation, perturb, shadow};
@@ -91,11 +93,13 @@ impl StabilityArgs {
         if let Some(perturbation) = self.perturbation(range)? {
             return perturbed(scene, assembled, one, json, &perturbation);
         }
+        let work = Work::new("computing in f64, too");
         let (found, trap) = match one {
             Some(one) => shadow_one(scene, assembled, one),
             None => shadow(scene, assembled),
         }
         .map_err(|error| output::json_error(json, error))?;
+        drop(work);
         match json {
             true => output::print(format_args!("{:#}\n", found.json(trap.as_ref())))?,
             false => output::print(found.text())?,
@@ -124,6 +128,7 @@ fn perturbed(
         return Ok(());
     }
     let count = found.outputs.len() + found.traps.len();
-    let message = format!("{count} {} unstable", if count == 1 { "output is" } else { "outputs are" });
+    let message =
+        format!("{} {} unstable", grouped(count), if count == 1 { "output is" } else { "outputs are" });
     Err(Error::new(ErrorKind::Expectation, message))
 }

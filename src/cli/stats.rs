@@ -4,6 +4,7 @@ use std::collections::HashSet;
 use std::sync::Arc;
 use std::time::Duration;
 
+use anyhit_base::count::grouped;
 use anyhit_base::escape;
 use anyhit_base::sorted::{sort, sort_by_key};
 use anyhit_engine::accel::{Blas, Tlas};
@@ -22,16 +23,17 @@ pub(super) fn table(stats: &Stats, load_time: Duration, launch_time: Duration) -
         "scene ready in    {:>9.1} ms\nlaunch took       {:>9.1} ms\nrays              {:>9} ({rate:.2} million a second)\n",
         load_time.as_secs_f64() * 1e3,
         launch_time.as_secs_f64() * 1e3,
-        stats.rays,
+        grouped(stats.rays),
     );
     if stats.ray_queries > 0 {
         let rate = stats.ray_queries as f64 / launch_time.as_secs_f64().max(1e-9) / 1e6;
-        text += &format!("ray queries       {:>9} ({rate:.2} million a second)\n", stats.ray_queries);
+        text +=
+            &format!("ray queries       {:>9} ({rate:.2} million a second)\n", grouped(stats.ray_queries));
     }
     if stats.zero_directions > 0 {
         text += &format!(
             "zero directions   {:>9} rays with direction 0, which hit no triangle, sphere or swept sphere\n",
-            stats.zero_directions
+            grouped(stats.zero_directions)
         );
     }
     for (stage, shader) in &stats.shaders {
@@ -39,8 +41,8 @@ pub(super) fn table(stats: &Stats, load_time: Duration, launch_time: Duration) -
         text += &format!(
             "{:<17} {:>9} invocations in {} batches, {lanes:.1} lanes each\n",
             stage.name(),
-            shader.invocations,
-            shader.batches
+            grouped(shader.invocations),
+            grouped(shader.batches)
         );
     }
     text
@@ -91,7 +93,7 @@ pub(super) fn unread(scene: &ResolvedScene, assembled: &Assembled) -> String {
         const SHOWN: usize = 3;
         let mut names: Vec<_> = files.iter().take(SHOWN).map(|file| escape::line(file)).collect();
         if files.len() > SHOWN {
-            names.push(format!("{} more", files.len() - SHOWN).into());
+            names.push(format!("{} more", grouped(files.len() - SHOWN)).into());
         }
         let files = if names.is_empty() { String::new() } else { format!(" ({})", names.join(", ")) };
         text += &format!("not read: {what}{files}: {reason}\n");
@@ -108,7 +110,9 @@ pub(super) fn unread(scene: &ResolvedScene, assembled: &Assembled) -> String {
     match unread.len() {
         0 => {}
         1 => text += "not decoded: 1 image, of which no shader read a texel\n",
-        count => text += &format!("not decoded: {count} images, of which no shader read a texel\n"),
+        count => {
+            text += &format!("not decoded: {} images, of which no shader read a texel\n", grouped(count));
+        }
     }
     text
 }
@@ -119,7 +123,7 @@ pub(super) fn bands(bands: &BandedLaunch<'_>, image: &ImageContent) -> String {
     let bytes = image.size() / u64::from(image.shape.extent[1]) * u64::from(rows);
     format!(
         "streamed          {:>9} bands of {rows} rows, {:.1} MiB each instead of {:.1} MiB for the image\n",
-        bands.count(),
+        grouped(bands.count()),
         bytes as f64 / f64::from(1 << 20),
         image.size() as f64 / f64::from(1 << 20),
     )
@@ -165,15 +169,21 @@ pub(super) fn elided(stats: &Stats, assembled: &Assembled) -> String {
         let (built, trees) = (number(Blas::is_built), number(Blas::has_bvh));
         let listed = match number(Blas::is_listed) {
             0 => String::new(),
-            listed => format!(", {listed} as a list for a few rays"),
+            listed => format!(", {} as a list for a few rays", grouped(listed)),
         };
         text += &format!(
-            "structures        {built:>9} of {} were reached by rays and built, {trees} with a tree{listed} ({})\n",
-            blases.len(),
+            "structures        {:>9} of {} were reached by rays and built, {} with a tree{listed} ({})\n",
+            grouped(built),
+            grouped(blases.len()),
+            grouped(trees),
             kinds.join(", ")
         );
         let untransformed = instances.iter().filter(|instance| instance.is_identity()).count();
-        text += &format!("not transformed   {untransformed:>9} of {} instances\n", instances.len());
+        text += &format!(
+            "not transformed   {:>9} of {} instances\n",
+            grouped(untransformed),
+            grouped(instances.len())
+        );
     }
     let elided = stats.elided;
     let rows = [
@@ -183,7 +193,7 @@ pub(super) fn elided(stats: &Stats, assembled: &Assembled) -> String {
         (elided.unread, "invocations of shaders that write only payload words that are never read"),
     ];
     for (count, what) in rows.iter().filter(|(count, _)| *count > 0) {
-        text += &format!("elided            {count:>9} {what}\n");
+        text += &format!("elided            {:>9} {what}\n", grouped(count));
     }
     let (mut operations, mut builtins, mut kept) = (0, 0, 0);
     for program in assembled.programs() {
@@ -192,8 +202,10 @@ pub(super) fn elided(stats: &Stats, assembled: &Assembled) -> String {
         kept += program.ops.len();
     }
     text + &format!(
-        "eliminated        {operations:>9} of {} operations and {builtins} builtins that no output depends on\n",
-        operations as usize + kept
+        "eliminated        {:>9} of {} operations and {} builtins that no output depends on\n",
+        grouped(operations),
+        grouped(operations as usize + kept),
+        grouped(builtins)
     )
 }
 

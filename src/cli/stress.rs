@@ -1,6 +1,5 @@
 //! `anyhit stress`: draws adversarial rays and checks each answer in arbitrary precision.
 
-use std::fmt::Display;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -9,6 +8,7 @@ use crate::cli::input::SceneFileArgs;
 use crate::cli::numbers::{minutes, seed_range};
 use crate::cli::share::ShareArgs;
 use crate::cli::{output, precision};
+use anyhit_base::count::grouped;
 use anyhit_base::error::{Error, ErrorKind, Result};
 use anyhit_base::{atomic_file, escape};
 use anyhit_cases::shares::ShareResults;
@@ -178,10 +178,12 @@ fn run_scene(path: &Path, files: &SceneFileArgs, settings: &StressSettings) -> R
         let message = "no acceleration structure of the scene contains primitives";
         return Err(Error::new(ErrorKind::InvalidScene, message));
     }
+    let [lines, rays, hits, trees, packets] = [lines, rays, hits, trees, packets].map(grouped);
     let (seconds, wrong) = (report.time.as_secs_f64(), report.failures.len() as u64);
     output::print(format_args!(
         "{lines} rays, traced {rays} times in {seconds:.1} s: {hits} hits, {trees} through trees, {packets} in \
-         packets\n{wrong} wrong answers, compared with BVHs that obvhs builds of the same primitives\n"
+         packets\n{} wrong answers, compared with BVHs that obvhs builds of the same primitives\n",
+        grouped(wrong)
     ))?;
     for failure in &report.failures {
         output::print(format_args!("\n{failure}\n"))?;
@@ -190,7 +192,7 @@ fn run_scene(path: &Path, files: &SceneFileArgs, settings: &StressSettings) -> R
 }
 
 fn wrong_answers(count: u64) -> Error {
-    Error::new(ErrorKind::Expectation, format!("{count} wrong answers"))
+    Error::new(ErrorKind::Expectation, format!("{} wrong answers", grouped(count)))
 }
 
 /// Prints a line of progress every ten seconds; holds when it printed the last.
@@ -200,7 +202,8 @@ impl Progress {
     fn print(&mut self, time: Duration, rays: u64, wrong: u64) {
         if self.0.elapsed() >= Duration::from_secs(10) {
             self.0 = Instant::now();
-            let line = format!("{:>6} s  {rays:>12} rays  {wrong} wrong\n", time.as_secs());
+            let line =
+                format!("{:>6} s  {:>15} rays  {} wrong\n", time.as_secs(), grouped(rays), grouped(wrong));
             // A closed standard output is reported at the end.
             let _ = output::print(line);
         }
@@ -208,16 +211,16 @@ impl Progress {
 }
 
 fn table(result: &StressResult, with_times: bool) -> String {
-    let row = |name: &str, columns: [&dyn Display; 5], about: &str| {
+    let row = |name: &str, columns: [String; 5], about: &str| {
         let [lines, rays, hits, trees, packets] = columns;
-        let row = format!("{name:<14} {lines:>11} {rays:>11} {hits:>11} {trees:>11} {packets:>11}  {about}");
+        let row = format!("{name:<14} {lines:>13} {rays:>13} {hits:>13} {trees:>13} {packets:>13}  {about}");
         format!("{}\n", row.trim_end())
     };
     let tallied = |name: &str, tally: &Tally, about: &str| {
-        let Tally { lines, rays, hits, trees, packets, .. } = tally;
-        row(name, [lines, rays, hits, trees, packets], about)
+        let Tally { lines, rays, hits, trees, packets, .. } = *tally;
+        row(name, [lines, rays, hits, trees, packets].map(grouped), about)
     };
-    let heads: [&dyn Display; 5] = [&"lines", &"rays", &"hits", &"in trees", &"in packets"];
+    let heads = ["lines", "rays", "hits", "in trees", "in packets"].map(str::to_owned);
     let mut out = format!("\n{}", row("family", heads, "what"));
     for (family, tally) in FAMILIES.iter().zip(&result.families) {
         out += &tallied(family.name, tally, family.about);
@@ -230,7 +233,8 @@ fn table(result: &StressResult, with_times: bool) -> String {
     };
     out += &format!(
         "{} rays{time}: {} wrong decisions; t, u and barycentrics correctly rounded in the others\n",
-        total.rays, result.wrong
+        grouped(total.rays),
+        grouped(result.wrong)
     );
     out
 }

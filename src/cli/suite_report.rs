@@ -6,11 +6,12 @@ use clap::ValueEnum;
 use serde_json::json;
 
 use crate::cli::output;
-use crate::cli::sanitize::FindingFormat;
+use crate::cli::sanitize::{FindingFormat, write_json};
+use anyhit_base::count::grouped;
 use anyhit_base::error::{Error, ErrorKind, Result};
 use anyhit_base::{atomic_file, escape};
 use anyhit_cases::suite::{
-    Ended, KeptFinding, SuiteResult, SuiteWhole, TestResult, gitlab, junit, report, sarif, summary,
+    Ended, KeptFinding, SuiteResult, SuiteWhole, TestResult, gitlab, junit, report, suite_sarif, summary,
 };
 use anyhit_sanitize::FindingRecord;
 
@@ -36,6 +37,8 @@ pub(super) struct SuiteFiles<'a> {
     pub coverage: Option<&'a Path>,
     /// Failed tests and findings as SARIF.
     pub sarif: Option<&'a Path>,
+    /// Findings as JSON.
+    pub findings_json: Option<&'a Path>,
     /// A short report in Markdown.
     pub summary: Option<&'a Path>,
     /// How long tests took.
@@ -53,8 +56,10 @@ impl SuiteFiles<'_> {
             unwritten.extend(written.err());
         }
         if let Some(path) = self.sarif {
-            let text = format!("{}\n", sarif(result));
-            unwritten.extend(output::write_data(path, &text).err());
+            unwritten.extend(output::write_data(path, &suite_sarif(result)).err());
+        }
+        if let Some(path) = self.findings_json {
+            unwritten.extend(write_json(path, &records_of(&result.findings())).err());
         }
         if let Some(path) = self.coverage {
             unwritten.extend(atomic_file::write(path, coverage_text(result, path)).err());
@@ -98,6 +103,25 @@ pub(super) fn check_formats(format: ReportFormat, findings: FindingFormat) -> Re
     let message = format!("`--format {name}` and `--findings` cannot both print to standard output");
     Err(Error::new(ErrorKind::InvalidArgument, message)
         .note("the report contains the findings; `--sarif FILE` writes them as SARIF"))
+}
+
+/// Keeps standard output for the data that is printed there: the report, and files.
+///
+/// # Errors
+/// As [`output::claim_stdout`].
+pub(super) fn claim_stdout(
+    format: ReportFormat,
+    findings: FindingFormat,
+    junit: Option<&Path>,
+    coverage: Option<&Path>,
+) -> Result<()> {
+    match format {
+        ReportFormat::Plain | ReportFormat::Github => findings.claim_stdout()?,
+        // The report has the findings, which are not printed a second time.
+        ReportFormat::Json => output::claim_stdout("--format json")?,
+        ReportFormat::Gitlab => output::claim_stdout("--format gitlab")?,
+    }
+    output::claim_stdout_for([("--junit -", junit), ("--coverage -", coverage)])
 }
 
 /// Prints what became of a test.
@@ -155,9 +179,11 @@ pub(super) fn print_end(
         }
         if let Some(how) = &whole.perturbed {
             let (held, all) = (result.held_stable(), result.tests.len());
+            let [held, all] = [held, all].map(grouped);
             output::print(format_args!("\nrequired to have stable outputs: {held} of {all} tests, {how}\n"))?;
         }
         print_findings(&findings, finding_format, format)?;
+        output::print(report::failed(result))?;
         output::print(report::summary(result))?;
     }
     output::notes(&result.notes());
@@ -187,7 +213,10 @@ pub(super) fn records_of<'a>(findings: impl IntoIterator<Item = &'a KeptFinding>
 pub(super) fn verdict(result: &SuiteResult) -> Result<()> {
     let Some(class) = result.class() else { return Ok(()) };
     let message = match result.count(Ended::Error) {
-        0 => format!("{} tests failed", result.count(Ended::Failed)),
+        0 => match result.count(Ended::Failed) {
+            1 => "1 test failed".to_owned(),
+            count => format!("{} tests failed", grouped(count)),
+        },
         _ => "a test could not run".to_owned(),
     };
     Err(Error::of_class(class, message))

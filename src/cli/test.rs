@@ -14,10 +14,11 @@ use crate::cli::sanitize::SanitizeArgs;
 use crate::cli::share::ShareArgs;
 use crate::cli::stability::StabilityArgs;
 use crate::cli::suite_report::{
-    ReportFormat, SuiteFiles, check_formats, print_end, print_test, records_of, verdict,
+    ReportFormat, SuiteFiles, check_formats, claim_stdout, print_end, print_test, records_of, verdict,
 };
 use anyhit_base::error::{Error, ErrorKind, Result};
 use anyhit_base::input::{InputLimit, InputLimits, RootFolder, read_argument};
+use anyhit_base::progress::Work;
 use anyhit_base::{atomic_file, escape};
 use anyhit_cases::init;
 use anyhit_cases::shares::{Shard, ShareResults, Timings, fingerprint};
@@ -134,9 +135,9 @@ pub(super) fn run(args: TestArgs) -> Result<()> {
     if args.init {
         return init_case(&args);
     }
-    args.sanitize.claim_stdout();
-    output::claim_stdout_for([args.junit.as_deref(), args.coverage.as_deref()]);
     check_formats(args.format, args.sanitize.format())?;
+    args.sanitize.claim_stdout_for_files()?;
+    claim_stdout(args.format, args.sanitize.format(), args.junit.as_deref(), args.coverage.as_deref())?;
     let root = args.files.root()?;
     let (limits, strict, read_all) = (args.files.limits(), args.files.strict(), args.files.read_all());
     let shard = args.shard()?;
@@ -164,6 +165,7 @@ pub(super) fn run(args: TestArgs) -> Result<()> {
         junit: args.junit.as_deref(),
         coverage: args.coverage.as_deref(),
         sarif: args.sanitize.sarif(),
+        findings_json: args.sanitize.findings_json(),
         summary: args.summary.as_deref(),
         timings: args.write_timings.as_deref(),
         with_times: !args.no_times,
@@ -301,9 +303,13 @@ fn execute(args: &TestArgs, suite: &Suite, known: Option<String>) -> Result<Suit
         pictures: args.pictures.clone().unwrap_or_else(|| std::env::temp_dir().join("anyhit-test")),
         repository: SourceTree::of_repository(),
     };
-    suite.run(&options, &mut |finished, test| match colour {
-        true => output::print(report::text(finished, true)),
-        false => print_test(test, args.format),
+    let work = Work::counted("testing", suite.tests().len() as u64);
+    suite.run(&options, &mut |finished, test| {
+        work.advance(1);
+        match colour {
+            true => output::print(report::text(finished, true)),
+            false => print_test(test, args.format),
+        }
     })
 }
 

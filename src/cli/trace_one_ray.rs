@@ -128,7 +128,7 @@ pub(super) struct TraceOneRayArgs {
 /// What the scene or the arguments lack, and the trap that ended a shader, after what happened
 /// before it is printed.
 pub(super) fn run(args: TraceOneRayArgs) -> Result<()> {
-    args.sanitize.claim_stdout();
+    args.sanitize.claim_stdout()?;
     let json = args.json;
     let trap = trace(args).map_err(|error| output::json_error(json, error))?;
     trap.map_or(Ok(()), Err)

@@ -8,9 +8,11 @@ use serde::Serialize;
 
 use crate::cli::input::InputLimitArgs;
 use crate::cli::{numbers, output};
+use anyhit_base::count::grouped;
 use anyhit_base::error::{Error, ErrorKind, ErrorReport, Result};
 use anyhit_base::escape;
 use anyhit_base::input::{InputLimit, read_argument, read_regular};
+use anyhit_base::progress::Work;
 use anyhit_base::sorted::sort;
 use anyhit_cases::recording::compare::{AgainstDriver, Agreement, HitComparison};
 use anyhit_cases::recording::{Comparison, Recording};
@@ -84,7 +86,9 @@ pub(super) fn run(args: VerifyArgs) -> Result<()> {
     let (mut files, mut errors) = (Vec::new(), Vec::new());
     let limits = args.limits.limits();
     let recordings = recordings(&args.paths).map_err(|error| output::json_error(args.json, error))?;
+    let work = Work::counted("comparing recordings", recordings.len() as u64);
     for (path, named) in recordings {
+        work.advance(1);
         // Only what is named may be a pipe.
         let bytes = match named {
             true => read_argument(&path, InputLimit::FileBytes, &limits),
@@ -100,6 +104,7 @@ pub(super) fn run(args: VerifyArgs) -> Result<()> {
             Err(error) => errors.push(error),
         }
     }
+    drop(work);
     let failures: Vec<String> = files.iter().flat_map(|file| args.failures(file)).collect();
     // A file that could not be read comes first, as the first error gives the exit code.
     errors.extend(failures.iter().map(|text| Error::new(ErrorKind::Expectation, text.clone())));
@@ -127,7 +132,11 @@ impl VerifyArgs {
         ];
         for (word, count, limit) in counts {
             if let Some(limit) = limit.filter(|&limit| count > limit) {
-                failures.push(format!("{name}: {count} {word} against {what}, more than {limit}"));
+                failures.push(format!(
+                    "{name}: {} {word} against {what}, more than {}",
+                    grouped(count),
+                    grouped(limit)
+                ));
             }
         }
         let max = hits.t_ulp.map_or(0.0, |t_ulp| t_ulp.max);
@@ -259,7 +268,7 @@ fn hits_row(name: &str, against: &str, hits: &HitComparison) -> Vec<String> {
     let HitComparison { rows, hits: count, undecidable, missed, extra, other_primitive, ties, t_ulp, .. } =
         hits;
     let mut row = vec![name.to_owned(), against.to_owned()];
-    row.extend([rows, count, undecidable, missed, extra, other_primitive, ties].map(ToString::to_string));
+    row.extend([rows, count, undecidable, missed, extra, other_primitive, ties].map(grouped));
     row.extend(match t_ulp {
         Some(t) => [t.p50, t.p99, t.p999, t.max].map(short),
         None => [(); 4].map(|()| "-".to_owned()),
@@ -282,9 +291,11 @@ fn driver_row(name: &str, driver: &AgainstDriver) -> Option<Vec<String>> {
     cells.iter().any(Option::is_some).then(|| {
         let cell = |agreement: &Option<Agreement>| match agreement {
             None => "-".to_owned(),
-            Some(Agreement { rows, differ, max_difference: None }) => format!("{differ} of {rows}"),
+            Some(Agreement { rows, differ, max_difference: None }) => {
+                format!("{} of {}", grouped(differ), grouped(rows))
+            }
             Some(Agreement { rows, differ, max_difference: Some(difference) }) => {
-                format!("{differ} of {rows}, {}", short(*difference))
+                format!("{} of {}, {}", grouped(differ), grouped(rows), short(*difference))
             }
         };
         std::iter::once(name.to_owned()).chain(cells.iter().map(cell)).collect()

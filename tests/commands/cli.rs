@@ -263,6 +263,56 @@ fn findings_of_several_scenes_are_told_apart_by_their_modules() {
     assert_eq!(merged, whole);
 }
 
+/// Text, JSON and annotations name the module of each finding. Where no debug information names a
+/// source, the module is the place of a result.
+#[test]
+fn findings_name_their_modules() {
+    let folder = suite_of_divisions("named-modules");
+    let module = folder.join("one.spv");
+    let scene = folder.join("one/scene.toml");
+    let scene = scene.to_str().expect("UTF-8");
+    let run = |more: &[&str]| {
+        let (code, out, err) = run(&[&["run", scene, "--sanitize"], more].concat());
+        assert_eq!(code, Some(6), "{out}{err}");
+        out
+    };
+    let parsed = |text: String| -> Value { serde_json::from_str(&text).expect("JSON") };
+    for is_bare in [false, true] {
+        if is_bare {
+            let bytes = std::fs::read(&module).expect("a module");
+            std::fs::write(&module, without_debug(&bytes)).expect("written");
+        }
+        let text = run(&[]);
+        assert!(text.contains("/named-modules/one.spv"), "{text}");
+        assert!(!text.contains(".."), "{text}");
+        let json = parsed(run(&["--findings", "json"]));
+        let findings = json.as_array().expect("findings");
+        assert!(!findings.is_empty());
+        for finding in findings {
+            assert!(finding["module"].as_str().is_some_and(|path| path.ends_with("/one.spv")), "{finding}");
+        }
+        let annotations = run(&["--findings", "github"]);
+        for line in annotations.lines().filter(|line| line.starts_with("::error")) {
+            let place = if is_bare { "one.spv,title=" } else { ".slang,line=" };
+            assert!(line.contains(place) && line.contains("%0Ain module "), "{line}");
+        }
+        assert_eq!(annotations.matches("::error").count(), findings.len(), "{annotations}");
+        let sarif = parsed(run(&["--findings", "sarif"]));
+        let log = &sarif["runs"][0];
+        let rules = log["tool"]["driver"]["rules"].as_array().expect("rules");
+        for result in log["results"].as_array().expect("results") {
+            let place = &result["locations"][0]["physicalLocation"];
+            let uri = place["artifactLocation"]["uri"].as_str().expect("a place");
+            assert!(uri.ends_with(if is_bare { "/one.spv" } else { ".slang" }), "{uri}");
+            assert_eq!(place["region"]["startColumn"].is_u64(), !is_bare, "{place}");
+            let rule = result["ruleIndex"].as_u64().expect("the index of a rule");
+            assert_eq!(rules[rule as usize]["id"], result["ruleId"]);
+            let prints = result["partialFingerprints"].as_object().expect("fingerprints");
+            assert!(prints.values().all(Value::is_string) && !prints.is_empty(), "{result}");
+        }
+    }
+}
+
 /// Known findings fail no test, and others do.
 #[test]
 fn a_baseline_keeps_known_findings_out_of_a_suite() {
@@ -777,7 +827,7 @@ fn numbers_that_a_flag_cannot_mean_are_refused() {
 fn findings_as_data_have_standard_output_to_themselves() {
     let folder = suite_of_divisions("data-alone");
     let folder = folder.to_str().expect("UTF-8");
-    let sarif = format!("{folder}/findings.sarif");
+    let [sarif, json] = ["findings.sarif", "findings.json"].map(|name| format!("{folder}/{name}"));
     let results = |text: &str| {
         let sarif: Value = serde_json::from_str(text).unwrap_or_else(|error| panic!("{error}: {text}"));
         sarif["runs"][0]["results"].as_array().expect("results").len()
@@ -793,9 +843,13 @@ fn findings_as_data_have_standard_output_to_themselves() {
         assert!(results(&out) > 0, "{arguments:?}: {out}{err}");
         let (_, out, err) = run(&[arguments, &["--sarif", "-"]].concat());
         assert!(results(&out) > 0, "{arguments:?}: {out}{err}");
-        let (_, out, _) = run(&[arguments, &["--sarif", &sarif]].concat());
+        let (_, out, _) = run(&[arguments, &["--sarif", &sarif, "--findings-json", &json]].concat());
         assert!(serde_json::from_str::<Value>(&out).is_err(), "text stays text: {out}");
         assert!(results(&std::fs::read_to_string(&sarif).expect("a file")) > 0);
+        let written = std::fs::read_to_string(&json).expect("a file");
+        let (_, out, err) = run(&[arguments, &["--findings-json", "-"]].concat());
+        assert_eq!(out, written, "{arguments:?}: {err}");
+        assert!(serde_json::from_str::<Vec<Value>>(&out).is_ok_and(|all| !all.is_empty()), "{out}");
     }
     let module = "spirv-fixtures/many-seeds/undefined-drawn/broken.comp.spv";
     for modules in [&[module][..], &[module, "spirv-fixtures/pass/sphere/closest-hit/main.rmiss.spv"]] {
@@ -803,6 +857,23 @@ fn findings_as_data_have_standard_output_to_themselves() {
         assert!(results(&std::fs::read_to_string(&sarif).expect("a file")) > 0, "{out}{err}");
         let (_, out, err) = run(&[&["smoke"], modules, &["--sanitize", "--sarif", "-"]].concat());
         assert!(results(&out) > 0, "{out}{err}");
+        let (_, out, err) = run(&[&["smoke"], modules, &["--sanitize", "--findings-json", "-"]].concat());
+        assert!(serde_json::from_str::<Vec<Value>>(&out).is_ok_and(|all| !all.is_empty()), "{out}{err}");
+    }
+    // Two kinds of data would be none.
+    for (arguments, flags) in [
+        (&["test", folder, "--junit", "-", "--sarif", "-", "--sanitize"][..], ["--sarif -", "--junit -"]),
+        (&["test", folder, "--sarif", "-", "--format", "json"], ["--sarif -", "--format json"]),
+        (
+            &["run", module, "--sanitize", "--sarif", "-", "--findings", "json"],
+            ["--findings json", "--sarif -"],
+        ),
+        (&["smoke", module, "--sanitize", "--sarif", "-", "--json"], ["--json", "--sarif -"]),
+    ] {
+        let (code, out, err) = run(arguments);
+        assert_eq!((code, out.as_str()), (Some(2), ""), "{arguments:?}: {err}");
+        let message = format!("`{}` and `{}` cannot both print to standard output", flags[0], flags[1]);
+        assert!(err.contains(&message), "{arguments:?}: {err}");
     }
     let (_, out, err) = run(&["test", folder, "--junit", "-"]);
     assert!(out.starts_with("<?xml") && out.trim_end().ends_with("</testsuites>"), "{out}{err}");

@@ -13,4 +13,6 @@ mod smoke;
 #[cfg(feature = "wgsl")]
 mod smoke_values;
 mod stability;
+#[cfg(unix)]
+mod terminal;
 mod test_command;

@@ -3,6 +3,7 @@
 
 use std::fs;
 use std::path::Path;
+use std::process::Command;
 use std::sync::LazyLock;
 
 use clap::error::ErrorKind;
@@ -139,6 +140,70 @@ fn the_commands_that_tests_print_can_be_typed() {
     }
     assert!(count > 10, "only {count} commands were printed");
     assert!(mistakes.is_empty(), "{}", mistakes.join("\n"));
+}
+
+/// The commands in a golden output that a program prints, with the flags of the hints behind them:
+/// `--all shows all`.
+fn hinted_commands() -> Vec<(String, String)> {
+    let root = files::root();
+    let mut found = Vec::new();
+    for extension in ["stdout", "stderr", "findings"] {
+        for folder in ["tests", "shaders"] {
+            for path in files::with_extension(&root.join(folder), extension) {
+                let text = fs::read_to_string(&path).expect("a readable file");
+                let name = path.strip_prefix(root).expect("a file of the repository").display().to_string();
+                for line in command_lines(&text) {
+                    // What names a command only, and what has no file to be run on, is no hint.
+                    if line.split_whitespace().count() > 2 {
+                        found.push((name.clone(), line.to_owned()));
+                    }
+                }
+            }
+        }
+    }
+    found
+}
+
+/// Every command in a golden output works as printed: it ends as what it repeats does, and not with
+/// a mistake of its arguments or its files.
+#[test]
+fn the_commands_that_tests_print_work() {
+    let commands = hinted_commands();
+    assert!(commands.len() > 30, "only {} commands", commands.len());
+    let mut wrong = Vec::new();
+    for (file, line) in &commands {
+        let words = shell_words(line).expect("the words of a command");
+        let mut command = Command::new(env!("CARGO_BIN_EXE_anyhit"));
+        // Cases name fixtures beside their folders.
+        command.args(&words[1..]).current_dir(files::root());
+        let output = command.output().expect("the command starts");
+        let error = String::from_utf8_lossy(&output.stderr).into_owned();
+        if output.status.code().is_none_or(|code| code == 2) {
+            wrong.push(format!("{file}: {line}: {error}"));
+        }
+    }
+    assert!(wrong.is_empty(), "{} of {}:\n{}", wrong.len(), commands.len(), wrong.join("\n"));
+}
+
+/// The hints of an explanation are flags of the command that prints it.
+#[test]
+fn the_flags_of_hints_work() {
+    const SAMPLES: &str = "shaders/pass/testing/samples/scene.toml";
+    let explain = |flags: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_anyhit"));
+        command.args(["trace-one-ray", SAMPLES]).args(flags).current_dir(files::root());
+        let output = command.output().expect("the command starts");
+        assert!(output.status.success(), "{flags:?}: {}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8(output.stdout).expect("UTF-8")
+    };
+    let text = explain(&[]);
+    let hint = text.lines().find(|line| line.contains("shows the first of them")).expect("a hint");
+    for part in hint.trim_matches(|c: char| !c.is_ascii_alphanumeric() && c != '-').split(", ") {
+        let (flags, _) = part.split_once(" shows ").expect("flags and what they show");
+        let flags: Vec<&str> = flags.split_whitespace().collect();
+        assert!(flags[0].starts_with("--"), "{hint}");
+        assert_ne!(explain(&flags), text, "{flags:?}");
+    }
 }
 
 #[test]

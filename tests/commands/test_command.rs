@@ -335,7 +335,7 @@ fn failed_texts_are_shown_line_by_line() {
     assert!(out.contains("- pixel 1 saw 1 leaves") && out.contains("+ pixel 0 saw 2 leaves"), "{out}");
     let out = prints("rendering", 1);
     assert!(out.contains("- pixel 1 saw 2 leaves"), "{out}");
-    assert!(out.contains("1 of 3 pixels differ, the first at (1, 0)"), "{out}");
+    assert!(out.contains("1 of 3 pixels differ, most at (1, 0)"), "{out}");
 }
 
 #[test]
@@ -624,7 +624,11 @@ fn every_kind_of_failure_stands_in_every_format() {
         let place = if test["line"].is_object() { &test["line"] } else { &error["at"] };
         let (file, line) = (place["file"].as_str().expect("a file"), place["line"].as_u64().expect("a line"));
         let annotation = annotations.next().expect("an annotation");
-        assert!(annotation.starts_with(&format!("::error file={file},line={line},title=")), "{annotation}");
+        let rest = annotation.strip_prefix(&format!("::error file={file},line={line},"));
+        assert!(
+            rest.is_some_and(|rest| rest.starts_with("title=") || rest.starts_with("col=")),
+            "{annotation}"
+        );
         let text =
             std::fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join(file)).expect("the annotated file");
         let lines = text.iter().filter(|&&byte| byte == b'\n').count() as u64;
@@ -708,6 +712,34 @@ fn the_exit_code_is_that_of_the_most_severe_failure() {
     assert_eq!(run(&[&case("payload.test.toml"), "--limit", "scene-bytes=10"]).code, Some(5));
 }
 
+/// The names of tests that did not pass end the report, each once, before the counts.
+#[test]
+fn the_report_ends_with_the_names_of_what_failed() {
+    let paths = ["payload.test.toml", "mistakes.test.toml"].map(|name| format!("{CASES}/{name}"));
+    for more in [&[][..], &["--format", "github"]] {
+        let ran = run(&[&[&*paths[0], &paths[1], LEAVES, "--no-explanation"], more].concat());
+        let json = run(&[&paths[0], &paths[1], LEAVES, "--format", "json", "--no-explanation"]);
+        let json: Value = serde_json::from_str(&json.out).expect("JSON");
+        let failed: Vec<String> = json["tests"]
+            .as_array()
+            .expect("tests")
+            .iter()
+            .filter_map(|test| {
+                let word = if test["outcome"] == "failed" { "FAILED" } else { "ERROR " };
+                let is_wrong = test["outcome"] == "failed" || test["outcome"] == "error";
+                is_wrong.then(|| format!("  {word}  {}", test["name"].as_str().expect("a name")))
+            })
+            .collect();
+        assert!(failed.len() >= 2, "{json}");
+        let (_, end) = ran.out.split_once("did not pass:\n").expect("the list");
+        let (names, counts) = end.split_once("\n\n").expect("the counts");
+        assert_eq!(names.lines().collect::<Vec<_>>(), failed);
+        assert!(counts.contains(" passed, ") && counts.lines().count() == 1, "{counts}");
+    }
+    let ran = run(&[LEAVES]);
+    assert!(!ran.out.contains("did not pass"), "{}", ran.out);
+}
+
 /// The fields that GitLab requires of a report of code quality: description, name of the check,
 /// fingerprint, severity and place (docs.gitlab.com, "Code Quality report format").
 #[test]
@@ -755,6 +787,9 @@ fn sarif_and_the_summary_list_failed_tests() {
     // The line that writes the second component, as the text of the failure says.
     assert!(uri.ends_with("testing/leaves/leaf.rchit"), "{uri}");
     assert_eq!(place["region"]["startLine"], 13);
+    let rule = results[0]["ruleIndex"].as_u64().expect("the index of a rule");
+    assert_eq!(rules[rule as usize]["id"], "test-failed");
+    assert!(results[0]["partialFingerprints"].as_object().is_some_and(|prints| !prints.is_empty()), "{text}");
     let summary = std::fs::read_to_string(&summary).expect("the summary");
     let row = summary.lines().find(|line| line.starts_with("| tests/")).expect("a row");
     assert!(summary.starts_with("### anyhit: 3 passed, 1 failed\n"), "{summary}");
@@ -1061,5 +1096,5 @@ fn a_normal_that_is_projected_on_the_axis_is_off_by_the_slope() {
     assert!(out.contains("7.181 degrees away (allowed: 1)"), "{out}");
     assert!(out.contains("`angle` is float, not a vector of three numbers"), "{out}");
     assert!(out.contains("expected a normal, but the ray misses"), "{out}");
-    assert_eq!(out.matches("FAILED").count(), 4, "{out}");
+    assert_eq!(out.lines().filter(|line| line.starts_with("FAILED")).count(), 4, "{out}");
 }

@@ -342,7 +342,7 @@ fn conditions_of_a_traversal_are_about_its_events() {
             "breakpoint 1\n",
             "> instance 0, geometry 0, primitive 1: candidate at t 4.5\n",
             "continue\n",
-            "printed: the condition of breakpoint 3: column 1: the event has no `hair`; it has \
+            "printed: the condition of breakpoint 3: at character 1 of the expression: the event has no `hair`; it has \
              instance, geometry, primitive, t, u, v, kind\n",
             "> instance 0, geometry 0, primitive 0: candidate at t 2.5\n",
         ],
@@ -375,7 +375,7 @@ fn mistakes_are_explained() {
         ("break primitive=x", "`x` is not an index"),
         ("break verdict=gone", "`gone` is not a verdict; the verdicts are entered, "),
         ("print nomral", "no variable `nomral` here"),
-        ("print 1 +", "column 4"),
+        ("print 1 +", "at character 4 of the expression"),
         ("set origin", "`set NAME = EXPRESSION` sets a variable"),
         ("set 1 = 2", "can be set"),
         ("frame 9", "the stack has 1 frames, numbered from 0"),

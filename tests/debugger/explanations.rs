@@ -112,7 +112,7 @@ fn of_large_dispatches_the_invocation_of_the_element_is_tried() {
     // Backwards no element is that of its invocation.
     let backwards = shader.replace("out[id.x] = id.x", "out[102399u - id.x] = id.x");
     let text = failure("large-backwards", &[("a.wgsl", &backwards), ("scene.toml", &scene)]);
-    holds(&text, &["by one of its 102400 invocations: too many to search (the limit is 65536)"]);
+    holds(&text, &["by one of its 102,400 invocations: too many to search (the limit is 65,536)"]);
 }
 
 const DRAW: &str = "@group(0) @binding(0) var picture: texture_storage_2d<rgba32float, write>;\n\

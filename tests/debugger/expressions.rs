@@ -167,42 +167,45 @@ fn functions_are_instructions_of_the_interpreter() {
         ("any(vec2(0, 2))", "bool true"),
     ]);
     check(&[
-        ("sni(1.0)", "column 1: no function `sni`; did you mean `sin`?"),
-        ("sin(true)", "column 1: `sin` is not defined for bool"),
-        ("transpose(1.0)", "column 1: `transpose` is not defined for float"),
-        ("cross(vec2(1), vec2(1))", "column 1: `cross` is not defined for vec2 and vec2"),
-        ("dot(vec2(1), vec3(1))", "column 1: `dot` is not defined for vec2 and vec3"),
+        ("sni(1.0)", "at character 1 of the expression: no function `sni`; did you mean `sin`?"),
+        ("sin(true)", "at character 1 of the expression: `sin` is not defined for bool"),
+        ("transpose(1.0)", "at character 1 of the expression: `transpose` is not defined for float"),
+        (
+            "cross(vec2(1), vec2(1))",
+            "at character 1 of the expression: `cross` is not defined for vec2 and vec2",
+        ),
+        ("dot(vec2(1), vec3(1))", "at character 1 of the expression: `dot` is not defined for vec2 and vec3"),
     ]);
 }
 
 #[test]
 fn mistakes_are_told_with_their_columns() {
     check(&[
-        ("1 +", "column 4: expected a value, found the end"),
-        ("(1 + 2", "column 7: expected `)`, found the end"),
-        ("1 2", "column 3: expected an operator or the end, found a number"),
-        ("min(1 2)", "column 7: expected `,` or `)`, found a number"),
-        ("a = 1", "column 3: an expression cannot assign; `==` compares"),
-        ("1 + #", "column 5: unexpected `#`"),
-        ("vec3(1).", "column 9: expected the name of a member, found the end"),
-        ("vec3(1).xyw", "column 9: vec3 has no component `xyw`"),
-        ("vec2(1) + vec3(1)", "column 9: `+` is not defined for vec2 and vec3"),
-        ("true + 1", "column 6: `+` is not defined for bool and int"),
-        ("1.5 & 1", "column 5: `&` is not defined for float and int"),
-        ("1 / 0", "column 3: division by zero"),
-        ("1 << 32", "column 3: a shift by 32 of a 32-bit value"),
-        ("lenght(vec2(1))", "column 1: no function `lenght`; did you mean `length`?"),
-        ("dot(vec2(1))", "column 1: `dot` takes 2 arguments, not 1"),
-        ("vec3(1, 2)", "column 1: `vec3` has 3 components, not 2"),
-        ("vec2(1)[2]", "column 8: 2 is outside vec2"),
-        ("vec2(1)[0.5]", "column 9: float 0.5 is not an index"),
-        ("vec2(1) ? 1 : 2", "column 1: vec2 is not a condition: use `any` or `all`"),
-        ("1z", "column 1: `z` is not a suffix of integers"),
-        ("%0", "column 1: %0 is not a value"),
+        ("1 +", "at character 4 of the expression: expected a value, found the end"),
+        ("(1 + 2", "at character 7 of the expression: expected `)`, found the end"),
+        ("1 2", "at character 3 of the expression: expected an operator or the end, found a number"),
+        ("min(1 2)", "at character 7 of the expression: expected `,` or `)`, found a number"),
+        ("a = 1", "at character 3 of the expression: an expression cannot assign; `==` compares"),
+        ("1 + #", "at character 5 of the expression: unexpected `#`"),
+        ("vec3(1).", "at character 9 of the expression: expected the name of a member, found the end"),
+        ("vec3(1).xyw", "at character 9 of the expression: vec3 has no component `xyw`"),
+        ("vec2(1) + vec3(1)", "at character 9 of the expression: `+` is not defined for vec2 and vec3"),
+        ("true + 1", "at character 6 of the expression: `+` is not defined for bool and int"),
+        ("1.5 & 1", "at character 5 of the expression: `&` is not defined for float and int"),
+        ("1 / 0", "at character 3 of the expression: division by zero"),
+        ("1 << 32", "at character 3 of the expression: a shift by 32 of a 32-bit value"),
+        ("lenght(vec2(1))", "at character 1 of the expression: no function `lenght`; did you mean `length`?"),
+        ("dot(vec2(1))", "at character 1 of the expression: `dot` takes 2 arguments, not 1"),
+        ("vec3(1, 2)", "at character 1 of the expression: `vec3` has 3 components, not 2"),
+        ("vec2(1)[2]", "at character 8 of the expression: 2 is outside vec2"),
+        ("vec2(1)[0.5]", "at character 9 of the expression: float 0.5 is not an index"),
+        ("vec2(1) ? 1 : 2", "at character 1 of the expression: vec2 is not a condition: use `any` or `all`"),
+        ("1z", "at character 1 of the expression: `z` is not a suffix of integers"),
+        ("%0", "at character 1 of the expression: %0 is not a value"),
     ]);
     let deep = format!("{}1{}", "(".repeat(500), ")".repeat(500));
     let found = Stopped::new("locals.comp.gVS.spv").eval(&deep);
-    assert_eq!(found, "column 65: more than 64 levels of brackets and operators");
+    assert_eq!(found, "at character 65 of the expression: more than 64 levels of brackets and operators");
     let long = format!("1{}", " + 1".repeat(1000));
     assert!(Stopped::new("locals.comp.gVS.spv").eval(&long).contains("more than 1024 parts"));
 }

@@ -187,7 +187,10 @@ fn inner_variables_of_glsl_hide_outer_ones() {
     assert_eq!(stopped.eval_in(1, "normal"), "vec3(1, 2, 3)");
     // Debug information declares a variable before its initializer, in which the call stands.
     assert_eq!(stopped.eval_in(1, "result"), "float 0");
-    let later = format!("column 1: `second` is not declared before line {}", line_of("locals.comp", "D") - 2);
+    let later = format!(
+        "at character 1 of the expression: `second` is not declared before line {}",
+        line_of("locals.comp", "D") - 2
+    );
     assert_eq!(stopped.eval_in(1, "second"), later);
 
     let stopped = Stopped::new("locals.comp.gVS.spv").run_to("locals.comp", "B");
@@ -227,20 +230,20 @@ const AT_D: &[(&str, &str)] = &[
     ("materials[1].frame[1]", "vec3(4, 5, 6)"),
     ("items.length()", "int 4"),
     ("items[2] + items[3]", "float 25"),
-    ("items[4]", "column 6: 4 is outside the 4 elements of float[]"),
+    ("items[4]", "at character 6 of the expression: 4 is outside the 4 elements of float[]"),
     ("constants.count", "uint 9"),
     ("constants.head.value", "vec4(0, 1, 2, 3)"),
     ("constants.head->next->value.w", "float 7"),
     ("(*second).value.x", "float 4"),
     ("second.next == 0", "bool true"),
-    ("second.next.value", "column 13: the pointer is null"),
+    ("second.next.value", "at character 13 of the expression: the pointer is null"),
     ("kept[1]", "vec2(5, 7)"),
     ("samples", "int 5"),
     ("gl_WorkGroupSize", "uvec3(1, 1, 1)"),
     ("GlobalInvocationId.x", "uint 0"),
-    ("norml", "column 1: no variable `norml` here; did you mean `normal`?"),
-    ("material.ruff", "column 10: no member of Material `ruff`"),
-    ("gl_HitTEXT", "column 1: a GLCompute shader has no `gl_HitTEXT`"),
+    ("norml", "at character 1 of the expression: no variable `norml` here; did you mean `normal`?"),
+    ("material.ruff", "at character 10 of the expression: no member of Material `ruff`"),
+    ("gl_HitTEXT", "at character 1 of the expression: a GLCompute shader has no `gl_HitTEXT`"),
 ];
 
 #[test]
@@ -291,12 +294,20 @@ fn variables_and_memory_are_set() {
         ("kept", "vec2[2]((1, 2), (5, 7))"),
     ]);
     let refused = [
-        ("result + 1", "1", "column 8: only variables and their parts can be set"),
-        ("index", "1.5", "column 1: cannot convert float to uint: write uint(...)"),
-        ("normal", "vec2(1)", "column 1: cannot convert vec2 to vec3"),
-        ("samples", "1", "column 1: it is a value, not a variable: the compiler may have used it already"),
-        ("gl_LocalInvocationIndex", "1", "column 1: `gl_LocalInvocationIndex` is an input of the shader"),
-        ("items[9]", "1", "column 6: 9 is outside the 4 elements of float[]"),
+        ("result + 1", "1", "at character 8 of the expression: only variables and their parts can be set"),
+        ("index", "1.5", "at character 1 of the expression: cannot convert float to uint: write uint(...)"),
+        ("normal", "vec2(1)", "at character 1 of the expression: cannot convert vec2 to vec3"),
+        (
+            "samples",
+            "1",
+            "at character 1 of the expression: it is a value, not a variable: the compiler may have used it already",
+        ),
+        (
+            "gl_LocalInvocationIndex",
+            "1",
+            "at character 1 of the expression: `gl_LocalInvocationIndex` is an input of the shader",
+        ),
+        ("items[9]", "1", "at character 6 of the expression: 9 is outside the 4 elements of float[]"),
     ];
     for (target, value, message) in refused {
         assert_eq!(stopped.set(target, value), Err(message.to_owned()), "{target} = {value}");
@@ -368,7 +379,7 @@ fn variables_of_slang_are_read_from_values_and_parts() {
         ("second->value.y", "float 5"),
         ("constants.head->value.z", "float 2"),
         ("items[2]", "float 4"),
-        ("DispatchThreadID", "column 1: no variable `DispatchThreadID` here"),
+        ("DispatchThreadID", "at character 1 of the expression: no variable `DispatchThreadID` here"),
         ("gl_GlobalInvocationID", "uvec3(0, 0, 0)"),
     ]);
 }

@@ -83,7 +83,7 @@ fn an_invocation_of_a_dispatch_is_explained() {
         (&["--invocation", "16,0"][..], "invocation 16,0,0 is outside the dispatch of 1 x 2 x 1 workgroups"),
         (&["--invocation", "0", "--dispatch", "2"], "the scene has no dispatch 2"),
         (&["--invocation", "0,a"], "`--invocation 0,a` is not X,Y,Z: `a` is not a non-negative integer"),
-        (&["--pixel", "0,0"], "help: or select an invocation of its dispatch: --invocation 0,0,0"),
+        (&["--pixel", "0,0"], "--invocation 0,0,0` explains an invocation of its dispatch"),
     ] {
         let output = run(&[&[SCENE], arguments].concat());
         let error = String::from_utf8_lossy(&output.stderr);

@@ -1,10 +1,10 @@
 //! The modules of a crate import one way only; between crates Cargo sees to that.
 //!
 //! The engine has the layers `pipeline -> interp -> program -> reflect -> ops -> {module, machine
-//! -> accel} -> geometry -> math`, the base `{input, atomic_file} -> error -> {escape, sorted,
-//! style, threads} -> interrupt`: a module may import what stands to its right. A few crates of
-//! others are named in one place only, readers of files in one file, files are written in one
-//! place, and only the command line prints.
+//! -> accel} -> geometry -> math`, the base `{input, atomic_file} -> error -> {count, escape,
+//! progress, sorted, style, threads} -> interrupt`: a module may import what stands to its right. A
+//! few crates of others are named in one place only, readers of files in one file, files are
+//! written in one place, and only the command line prints.
 
 use std::fs;
 
@@ -29,7 +29,12 @@ const LAYERS: &[(&str, &[&[&str]])] = &[
     ),
     (
         "base",
-        &[&["input", "atomic_file"], &["error"], &["escape", "sorted", "style", "threads"], &["interrupt"]],
+        &[
+            &["input", "atomic_file"],
+            &["error"],
+            &["count", "escape", "progress", "sorted", "style", "threads"],
+            &["interrupt"],
+        ],
     ),
 ];
 

@@ -29,7 +29,7 @@ use codespan_reporting::term::termcolor::{self, Color, ColorSpec};
 use codespan_reporting::term::{self, Styles, StylesWriter, WriteStyle};
 use serde::{Deserialize, Serialize};
 
-pub use place::Place;
+pub use place::{Place, SourceColumns};
 pub use report::{ErrorClass, ErrorReport};
 pub use stage::Stage;
 pub use trap::IndexOperand;
@@ -133,6 +133,8 @@ struct ErrorData {
     trap: Option<Box<Trap>>,
     /// The rule of the sanitizer that it is about, and whether it is only a warning.
     rule: Option<(&'static str, bool)>,
+    /// The file of the module that it is about.
+    module: Option<String>,
     /// What the operating system said.
     io: Option<Arc<io::Error>>,
 }
@@ -164,6 +166,7 @@ impl Error {
             is_limit: false,
             trap: None,
             rule: None,
+            module: None,
             io: None,
         }))
     }
@@ -282,6 +285,21 @@ impl Error {
     pub fn with_rule(mut self, rule: &'static str, is_warning: bool) -> Self {
         self.0.rule = Some((rule, is_warning));
         self
+    }
+
+    /// Says which file holds the module that it is about.
+    #[doc(hidden)]
+    #[must_use]
+    pub fn in_module(mut self, file: impl Into<String>) -> Self {
+        self.0.module = Some(escape::into_line(file.into()));
+        self
+    }
+
+    /// Returns the file of the module that it is about, where that is known.
+    #[doc(hidden)]
+    #[must_use]
+    pub fn module(&self) -> Option<&str> {
+        self.0.module.as_deref()
     }
 
     /// Changes the trap that it tells of; does nothing where it tells of none.
@@ -429,7 +447,10 @@ impl Error {
                         notes.push(format!("at {name}:{line}{suffix}"));
                     }
                 }
-                Place::Word(offset) => notes.push(format!("at word {offset} of the module{suffix}")),
+                Place::Word(offset) => {
+                    let module = self.module().unwrap_or("the module");
+                    notes.push(format!("at word {offset} of {module}{suffix}"));
+                }
                 Place::Line { file, line, column } => {
                     let file = escape::line(file);
                     let column = if *column > 0 { format!(":{column}") } else { String::new() };
@@ -437,6 +458,11 @@ impl Error {
                 }
                 Place::File(path) => notes.push(format!("in {}{suffix}", escape::path(&path))),
             }
+        }
+        if let Some(module) = self.module()
+            && !self.places().any(|(place, _)| matches!(place, Place::Word(_)))
+        {
+            notes.push(format!("in module {module}"));
         }
         notes.extend(self.0.notes.iter().cloned());
         // A limit is no gap: its note says how to raise it.
@@ -625,6 +651,17 @@ mod tests {
         let text = error.render();
         assert!(text.contains("a.toml:2:1"), "{text}");
         assert!(text.contains("^^^^^ did you mean `radius`?"), "{text}");
+    }
+
+    #[test]
+    fn a_module_is_named_once() {
+        let error = || Error::new(ErrorKind::Finding, "x").in_module("sky.spv");
+        let count = |error: Error| error.render().matches("sky.spv").count();
+        let text = error().render();
+        assert!(text.contains("in module sky.spv"), "{text}");
+        let text = error().at(Place::Word(7)).render();
+        assert!(text.contains("at word 7 of sky.spv"), "{text}");
+        assert_eq!((count(error()), count(error().at(Place::Word(7)))), (1, 1));
     }
 
     #[test]

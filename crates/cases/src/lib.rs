@@ -25,6 +25,7 @@ pub mod init;
 pub mod libtest;
 pub mod loaded_scene;
 pub mod many_seeds;
+mod module_files;
 mod observe;
 mod pairs;
 #[cfg(feature = "reports")]

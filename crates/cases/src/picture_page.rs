@@ -7,6 +7,7 @@ use crate::expect::PictureDifference;
 use crate::observe::fresh_resources;
 use crate::pixel_cost::{Heat, HeatMeasure, worst_pixels};
 use anyhit_base::error::Result;
+use anyhit_base::progress::Work;
 use anyhit_base::threads::{map_on_threads, thread_count};
 use anyhit_debugger::line_recorder::FollowedRuns;
 use anyhit_debugger::source_text::source_text;
@@ -87,11 +88,16 @@ pub fn explain(
         let options = RenderOptions { summary: true, ..RenderOptions::default() };
         Some(([x, y], render::text(&transcript, options)))
     };
+    let work = Work::counted("explaining pixels", pixels.len() as u64);
     // Sessions are not shared between threads.
     let shares: Vec<_> = pixels.chunks(pixels.len().div_ceil(thread_count()).max(1)).collect();
     let explained = map_on_threads(shares.len(), |at| {
         let session = session.copied();
-        shares[at].iter().filter_map(|&pixel| text(&session, pixel)).collect::<Vec<_>>()
+        let explained = shares[at].iter().filter_map(|&pixel| {
+            work.advance(1);
+            text(&session, pixel)
+        });
+        explained.collect::<Vec<_>>()
     });
     explained.into_iter().flatten().collect()
 }
@@ -171,7 +177,9 @@ pub fn failed_picture(
     command: Option<[String; 2]>,
 ) -> Result<HtmlPage> {
     let (pictures, layer) = comparison(compared)?;
-    let worst: Vec<[u32; 2]> = layer.worst.iter().map(|(pixel, _)| *pixel).collect();
+    let mut worst: Vec<[u32; 2]> = layer.worst.iter().map(|(pixel, _)| *pixel).collect();
+    worst.retain(|pixel| *pixel != compared.worst);
+    worst.insert(0, compared.worst);
     let explained = session.map_or_else(Vec::new, |session| explain(session, None, None, &worst));
     let which = format!("the {} pixels that differ most", explained.len());
     Ok(HtmlPage {
@@ -181,7 +189,7 @@ pub fn failed_picture(
         pictures,
         layers: vec![layer],
         shown: None,
-        selected: worst.first().copied(),
+        selected: Some(compared.worst),
         explanations: (!explained.is_empty()).then(|| PageExplanations::new(&explained, which)),
         command,
     })

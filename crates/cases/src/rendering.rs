@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use crate::case::Loaded;
 use crate::expect::{Difference, Fix, Observed, PictureDifference, printed_diff};
+use anyhit_base::count::grouped;
 use anyhit_base::error::{Error, ErrorKind, Place, Result};
 use anyhit_engine::machine::image::Image;
 use anyhit_engine::machine::{Binding, Descriptor, Resources};
@@ -101,16 +102,18 @@ fn picture_difference(loaded: &Loaded, observed: &Observed, path: PathBuf) -> Re
         }
     };
     let (expected, pixels) = (expected.rgba8(PixelEncoding::STORED)?, found.rgba8(encoding)?);
-    let [width, _] = found.extent;
-    let texels = || expected.chunks_exact(4).zip(pixels.chunks_exact(4)).enumerate();
-    let Some((first, _)) = texels().find(|(_, (one, other))| one != other) else { return Ok(None) };
-    let count = texels().filter(|(_, (one, other))| one != other).count();
-    let [x, y] = [first as u32 % width, first as u32 / width];
-    let message =
-        format!("`{}`: {count} of {} pixels differ, the first at ({x}, {y})", bytes.name, pixels.len() / 4);
+    let compared = PictureDifference::new(&bytes.name, found.extent, expected, pixels)
+        .expect("bug in anyhit: two pictures of one extent");
+    let distances = compared.distances();
+    let count = distances.iter().filter(|&&distance| distance > 0).count();
+    if count == 0 {
+        return Ok(None);
+    }
+    let ([x, y], count, all) = (compared.worst, grouped(count), grouped(distances.len()));
+    let message = format!("`{}`: {count} of {all} pixels differ, most at ({x}, {y})", bytes.name);
     let mut difference = differs(&path, message);
     difference.subject = bytes.texel([x, y]);
     difference.fix = Some(renewed);
-    difference.picture = PictureDifference::new(&bytes.name, found.extent, expected, pixels).map(Box::new);
+    difference.picture = Some(Box::new(compared));
     Ok(Some(difference))
 }

@@ -4,7 +4,9 @@ use std::collections::HashSet;
 use std::sync::Arc;
 
 use crate::clean_launch::CleanLaunch;
-use anyhit_base::error::{Error, ErrorKind, Result};
+use crate::module_files::module_files;
+use anyhit_base::count::grouped;
+use anyhit_base::error::{Error, ErrorKind, Result, Trap};
 use anyhit_base::sorted::SortedMap;
 use anyhit_debugger::session::{ResolvedRequest, SingleRun};
 use anyhit_engine::accel::Tlas;
@@ -67,8 +69,10 @@ pub fn run_sanitized(
     levels: &Levels,
 ) -> Result<SanitizedRun> {
     let reference = assembled.for_sanitizer()?;
-    let SanitizedRun { outcome, findings } = run_passes(scene, &reference, resources, levels)?;
-    Ok(SanitizedRun { outcome, findings: findings.of_same_shaders(&first_same(&reference)) })
+    let modules = module_files(scene, &reference);
+    let SanitizedRun { outcome, findings } = run_passes(scene, &reference, resources, levels, &modules)?;
+    let findings = findings.in_modules(&modules).of_same_shaders(&first_same(&reference));
+    Ok(SanitizedRun { outcome, findings })
 }
 
 /// By shader of a scene: the first that is the same entry point of the same module.
@@ -85,11 +89,22 @@ fn first_same(assembled: &Assembled) -> Vec<usize> {
     programs.iter().enumerate().map(first).collect()
 }
 
+/// A trap with the module of its shader; `modules` are those of the scene's shaders, of which the
+/// pipeline's first has an index.
+fn in_module(trap: Error, first: usize, modules: &[String]) -> Error {
+    let shader = trap.trap().and_then(Trap::frame).map(|frame| first + frame.shader as usize);
+    match shader.and_then(|shader| modules.get(shader)) {
+        Some(module) => trap.in_module(module),
+        None => trap,
+    }
+}
+
 fn run_passes(
     scene: &ResolvedScene,
     reference: &Assembled,
     resources: &Resources,
     levels: &Levels,
+    modules: &[String],
 ) -> Result<SanitizedRun> {
     let mut findings = check_scene(scene, reference, levels);
     let mut stats = Stats::default();
@@ -161,7 +176,9 @@ fn run_passes(
         match outcome {
             Ok(more) => stats = stats.plus(&more),
             Err(trap) => {
-                return Ok(SanitizedRun { outcome: Err(reference.in_pass(number, trap)), findings });
+                let first = reference.first_program_of(pass);
+                let trap = reference.in_pass(number, in_module(trap, first, modules));
+                return Ok(SanitizedRun { outcome: Err(trap), findings });
             }
         }
     }
@@ -247,10 +264,11 @@ pub fn sanitize_one(
     if let Some(outcome) = left {
         sanitizer.check_payload(&outcome);
     }
-    let first = reference.first_program(single.index);
+    let (first, modules) = (reference.first_program(single.index), module_files(scene, &reference));
     findings.extend(watch.into_findings().of_shaders_from(first));
     findings.extend(sanitizer.into_findings().of_shaders_from(first));
-    Ok(SanitizedRun { outcome, findings: findings.of_same_shaders(&first_same(&reference)) })
+    let findings = findings.in_modules(&modules).of_same_shaders(&first_same(&reference));
+    Ok(SanitizedRun { outcome: outcome.map_err(|trap| in_module(trap, first, &modules)), findings })
 }
 
 /// The error of what is denied, if anything is. Its reports are told apart from it.
@@ -261,6 +279,6 @@ pub fn deny(findings: &Findings) -> Result<()> {
     match findings.denied().count() {
         0 => Ok(()),
         1 => Err(Error::new(ErrorKind::Finding, "1 finding is denied")),
-        count => Err(Error::new(ErrorKind::Finding, format!("{count} findings are denied"))),
+        count => Err(Error::new(ErrorKind::Finding, format!("{} findings are denied", grouped(count)))),
     }
 }

@@ -59,12 +59,20 @@ impl SourceTree {
 }
 
 impl SourceTree {
-    /// Findings, each with the path of its file. `scene` is the file that was run.
+    /// Findings, each with a path: of its file, else of its module, else of `scene`, the file that
+    /// was run.
     pub fn place(&self, mut findings: Vec<FindingRecord>, scene: &Path) -> Vec<FindingRecord> {
-        for finding in &mut findings {
-            finding.path = finding.file.as_ref().map(|file| self.path_of(file, Some(scene)));
-        }
+        findings.iter_mut().for_each(|finding| self.place_one(finding, scene));
         findings
+    }
+
+    /// Adds the path of a finding, as [`SourceTree::place`] does.
+    pub fn place_one(&self, finding: &mut FindingRecord, scene: &Path) {
+        let named = finding.file.as_ref().or(finding.module.as_ref());
+        finding.path = Some(match named {
+            Some(file) => self.path_of(file, Some(scene)),
+            None => self.path_of(&scene.to_string_lossy(), None),
+        });
     }
 }
 

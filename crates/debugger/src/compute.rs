@@ -2,7 +2,7 @@
 
 use crate::memory::Snapshot;
 use crate::session::{ExplainRequest, Session, count_events, invalid, run_counts};
-use crate::summary;
+use crate::{shell, summary};
 use anyhit_base::error::{Error, ErrorReport, Result};
 use anyhit_base::escape;
 use anyhit_engine::math::array;
@@ -38,7 +38,9 @@ impl Session {
                     }
                     (PassWork::Launch(_), ExplainRequest::Invocation { .. }) => {
                         let message = format!("pass {} is a launch, not a dispatch", pass.label(number));
-                        return Err(invalid(message).note("`--pixel X,Y` selects an invocation of a launch"));
+                        let arguments = format!(" --pass {} --pixel 0,0", shell::word(key));
+                        let note = self.suggestion(&arguments, "explains a pixel of it");
+                        return Err(invalid(message).note(note));
                     }
                     _ => None,
                 }
@@ -55,7 +57,7 @@ impl Session {
         let count = self.assembled.dispatches.len();
         self.assembled.dispatches.get(number).ok_or_else(|| match count {
             0 => invalid("the scene dispatches no compute shader, so it has no invocations")
-                .note("help: select a pixel of its launch: --pixel 0,0"),
+                .note(self.suggestion(" --pixel 0,0", "explains a pixel of its launch")),
             _ => invalid(format!("the scene has no dispatch {number}"))
                 .note(format!("dispatches are numbered from 0 to {}", count - 1)),
         })

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use crate::event_log::EventLog;
 use crate::memory::Snapshot;
-use crate::{command, summary};
+use crate::{command, shell, summary};
 use anyhit_base::error::{Error, ErrorKind, ErrorReport, Result};
 use anyhit_base::escape;
 use anyhit_engine::accel::{RayFlags, Tlas};
@@ -258,8 +258,9 @@ impl Session {
             ExplainRequest::InPass(..) => return Err(invalid("a request can name only one pass")),
             ExplainRequest::Invocation { .. } => {
                 let message = "rounding can be examined for rays and launch indices, not for an invocation of a dispatch";
+                let path = shell::word(&self.scene.path.to_string_lossy());
                 return Err(invalid(message)
-                    .note("`anyhit run` with --shadow or --perturb examines whole dispatches"));
+                    .note(format!("help: `anyhit run {path} --shadow` examines whole dispatches")));
             }
             // A pass that is asked for is looked at in its middle, whatever rays the scene has.
             ExplainRequest::Default => match self.scene.rays.first().filter(|_| pass.is_none()) {
@@ -299,15 +300,23 @@ impl Session {
         })
     }
 
+    /// A note with a command that can be run instead; its arguments begin with a space.
+    pub(super) fn suggestion(&self, arguments: &str, effect: &str) -> String {
+        let path = shell::word(&self.scene.path.to_string_lossy());
+        format!("help: `anyhit trace-one-ray {path}{arguments}` {effect}")
+    }
+
     /// A launch index of a pass, which must be inside its launch.
     fn pixel(&self, pass: Option<&String>, id: [u32; 3]) -> Result<ResolvedRequest> {
         let single = self.assembled.single_launch(pass.map(String::as_str))?;
         if single.pipeline.sbt.ray_generation.is_none() {
             let message = "the scene has no ray generation shader, so it has no pixels";
-            let error = invalid(message).note("help: specify a ray by its numbers: --ray \"0,0,5 0,0,-1\"");
+            let ray = self.suggestion(" --ray \"0,0,5 0,0,-1\"", "traces a ray given by its numbers");
+            let error = invalid(message).note(ray);
             return Err(match self.scene.dispatches.is_empty() {
                 true => error,
-                false => error.note("help: or select an invocation of its dispatch: --invocation 0,0,0"),
+                false => error
+                    .note(self.suggestion(" --invocation 0,0,0", "explains an invocation of its dispatch")),
             });
         }
         let size = single.size;

@@ -1,5 +1,6 @@
 //! What happened, in about five lines.
 
+use anyhit_base::count::grouped;
 use anyhit_explain::hints;
 use anyhit_explain::page::with_plural;
 use anyhit_explain::summary_words::{counts, label, outcome};
@@ -80,11 +81,11 @@ fn wrote(transcript: &Transcript) -> String {
 fn ran(transcript: &Transcript) -> String {
     let counts = &transcript.counts;
     let shaders: Vec<String> =
-        counts.shaders.iter().map(|(stage, count)| format!("{count} {stage}")).collect();
+        counts.shaders.iter().map(|(stage, count)| format!("{} {stage}", grouped(count))).collect();
     let queries = match counts.ray_queries {
         0 => String::new(),
         1 => "1 ray query, ".to_owned(),
-        count => format!("{count} ray queries, "),
+        count => format!("{} ray queries, ", grouped(count)),
     };
     let shaders = if shaders.is_empty() { "none".to_owned() } else { shaders.join(", ") };
     format!("{}, {queries}shaders: {shaders}", with_plural(counts.rays, "ray"))

@@ -9,6 +9,7 @@ use crate::transcript::{
 };
 use crate::traversal_hints::{time_lost, undecided_candidates, world_ray};
 use crate::walk::{self, AnyRay, PlacedRay};
+use anyhit_base::count::grouped;
 use anyhit_engine::reflect::value::{FloatValue, TypedValue};
 
 /// How many hints of one kind are told.
@@ -68,14 +69,14 @@ fn limited(kind: HintKind, texts: Vec<String>) -> Vec<Hint> {
     let mut hints: Vec<Hint> = counted
         .into_iter()
         .map(|(text, count)| {
-            let times = if count > 1 { format!(" ({count} times)") } else { String::new() };
+            let times = if count > 1 { format!(" ({} times)", grouped(count)) } else { String::new() };
             Hint { kind, text: text + &times }
         })
         .collect();
     if more > 0
         && let Some(last) = hints.last_mut()
     {
-        last.text += &format!(" (and {more} more of this kind)");
+        last.text += &format!(" (and {} more of this kind)", grouped(more));
     }
     hints
 }
@@ -178,7 +179,7 @@ fn all_culled(placed: &PlacedRay<'_, '_>) -> Option<String> {
         let flags = &placed.ray.traversal().flags;
         let (names, count) = (flags.names.join(" | "), met.len());
         let plural = if count == 1 { "primitive" } else { "primitives" };
-        format!("its flags ({names}) cull everything that it intersects: {count} {plural}")
+        format!("its flags ({names}) cull everything that it intersects: {} {plural}", grouped(count))
     })
 }
 
@@ -192,7 +193,7 @@ fn all_ignored(placed: &PlacedRay<'_, '_>) -> Option<String> {
     applies.then(|| {
         let count = trace.decisions.len();
         let plural = if count == 1 { "candidate" } else { "candidates" };
-        format!("it misses because any-hit shaders ignored its {count} {plural}")
+        format!("it misses because any-hit shaders ignored its {} {plural}", grouped(count))
     })
 }
 

@@ -2,6 +2,7 @@
 
 use std::fmt::Display;
 
+use anyhit_base::count::grouped;
 use anyhit_base::escape;
 use anyhit_base::style::Style;
 
@@ -86,33 +87,12 @@ impl Page {
 
 /// A count with its noun.
 pub fn with_plural(count: u64, what: &str) -> String {
-    format!("{} {what}{}", with_thousands_separators(count), if count == 1 { "" } else { "s" })
-}
-
-/// A count with a comma between thousands.
-pub(crate) fn with_thousands_separators(count: impl Into<u64>) -> String {
-    let digits = count.into().to_string();
-    let mut out = String::new();
-    for (at, digit) in digits.chars().enumerate() {
-        if at > 0 && (digits.len() - at).is_multiple_of(3) {
-            out.push(',');
-        }
-        out.push(digit);
-    }
-    out
+    format!("{} {what}{}", grouped(count), if count == 1 { "" } else { "s" })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn thousands_are_set_apart() {
-        assert_eq!(with_thousands_separators(0u64), "0");
-        assert_eq!(with_thousands_separators(999u64), "999");
-        assert_eq!(with_thousands_separators(30_000u64), "30,000");
-        assert_eq!(with_thousands_separators(1_234_567u64), "1,234,567");
-    }
 
     #[test]
     fn rows_line_up_and_lines_end_without_blanks() {

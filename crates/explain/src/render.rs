@@ -7,11 +7,12 @@ mod query;
 mod shader;
 mod words;
 
-use crate::page::{Page, with_plural, with_thousands_separators};
+use crate::page::{Page, with_plural};
 use crate::transcript::{
     ChangeLocation, Decision, DispatchIndex, Hint, HitReport, MemoryChange, RecordChoice, ShaderRun, Step,
     Trace, Transcript, Traversal,
 };
+use anyhit_base::count::grouped;
 use anyhit_base::style::Style;
 
 pub use parts::{PageFilter, parts};
@@ -305,15 +306,19 @@ impl<'a> Writer<'a> {
         if more > 0 {
             self.page.line(format_args!("  ... and {} more", with_plural(more as u64, "change")));
         }
-        let shaders: Vec<String> =
-            transcript.counts.shaders.iter().map(|(stage, count)| format!("{count} {stage}")).collect();
+        let shaders: Vec<String> = transcript
+            .counts
+            .shaders
+            .iter()
+            .map(|(stage, count)| format!("{} {stage}", grouped(count)))
+            .collect();
         self.page.line(format_args!(
             "  {} traced,{} shaders run: {}",
             with_plural(transcript.counts.rays, "ray"),
             match transcript.counts.ray_queries {
                 0 => String::new(),
                 1 => " 1 ray query,".to_owned(),
-                count => format!(" {} ray queries,", with_thousands_separators(count)),
+                count => format!(" {} ray queries,", grouped(count)),
             },
             if shaders.is_empty() { "none".to_owned() } else { shaders.join(", ") }
         ));

@@ -2,6 +2,7 @@
 
 use crate::transcript::{HitReport, ShaderLabel};
 use crate::walk::AnyRay;
+use anyhit_base::count::grouped;
 
 /// `12 hit, 4 missed`
 pub fn counts(rays: &[AnyRay<'_>]) -> String {
@@ -12,7 +13,7 @@ pub fn counts(rays: &[AnyRay<'_>]) -> String {
     let words: Vec<String> = all
         .into_iter()
         .filter(|(count, _)| *count > 0)
-        .map(|(count, what)| format!("{count} {what}"))
+        .map(|(count, what)| format!("{} {what}", grouped(count)))
         .collect();
     words.join(", ")
 }

@@ -3,6 +3,7 @@
 
 use crate::transcript::{Decision, QueryCandidate, QueryEnd, QueryReport, Trace};
 use crate::walk::{AnyRay, PlacedRay};
+use anyhit_base::count::grouped;
 
 /// A ray query that is complete without a hit, of whose candidates none was confirmed or generated
 /// in.
@@ -14,7 +15,10 @@ pub(super) fn undecided_candidates(placed: &PlacedRay<'_, '_>) -> Option<String>
     (!candidates.is_empty() && candidates.iter().all(is_dropped)).then(|| {
         let count = candidates.len();
         let plural = if count == 1 { "candidate" } else { "candidates" };
-        format!("it finds {count} {plural}, but its shader confirms none and generates no hit, so it misses")
+        format!(
+            "it finds {} {plural}, but its shader confirms none and generates no hit, so it misses",
+            grouped(count)
+        )
     })
 }
 

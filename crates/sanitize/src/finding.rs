@@ -7,7 +7,8 @@ use serde::Serialize;
 
 use crate::rule::{Level, Rule};
 use crate::warning_reports::WarningReports;
-use anyhit_base::error::{Error, Place, Result, ShaderFrame};
+use anyhit_base::count::grouped;
+use anyhit_base::error::{Error, Place, Result, ShaderFrame, SourceColumns};
 use anyhit_engine::machine::ShaderIndex;
 use anyhit_engine::math::random::Random;
 
@@ -36,19 +37,29 @@ impl Finding {
 
     /// The file and line that the report points to, where the module has debug information.
     pub fn place(&self) -> Option<(&str, usize)> {
-        self.error.places().find_map(|(place, _)| match place {
-            Place::File(path) => Some((path.to_str()?, 1)),
-            place => place.file_line().map(|(file, line)| (file, line as usize)),
-        })
+        self.error.places().find_map(|(place, _)| file_and_line(place))
+    }
+
+    /// The columns of [`Finding::place`] in its line, where they are known.
+    pub fn columns(&self) -> Option<SourceColumns> {
+        let place = self.error.places().find(|(place, _)| file_and_line(place).is_some());
+        place.and_then(|(place, _)| place.columns())
     }
 
     /// The report with its count, its source and its help.
     pub fn report(&self) -> Error {
         let mut error = self.error.clone().with_rule(self.rule.id, self.level == Level::Warn);
         if self.count > 1 {
-            error = error.note(format!("and {} more times", self.count - 1));
+            error = error.note(format!("and {} more times", grouped(self.count - 1)));
         }
         error.note(format!("rule: {}", self.rule.source)).note(format!("help: {}", self.rule.help))
+    }
+}
+
+fn file_and_line(place: &Place) -> Option<(&str, usize)> {
+    match place {
+        Place::File(path) => Some((path.to_str()?, 1)),
+        place => place.file_line().map(|(file, line)| (file, line as usize)),
     }
 }
 
@@ -216,6 +227,20 @@ impl Findings {
                 self.list.push(finding);
             }
         }
+    }
+
+    /// The findings of a scene, each with the module of its shader; `modules` are those of all
+    /// shaders, in their order.
+    #[must_use]
+    pub fn in_modules(mut self, modules: &[String]) -> Self {
+        for (key, &at) in &self.by_key {
+            let [(holder, _), _] = key.places;
+            if let Some(module) = modules.get(holder as usize) {
+                let error = &mut self.list[at].error;
+                *error = error.clone().in_module(module);
+            }
+        }
+        self
     }
 
     /// Drops the findings for which a condition does not hold.

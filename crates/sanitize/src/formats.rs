@@ -1,52 +1,16 @@
-//! Findings for other tools: JSON, SARIF, annotations of GitHub, and the baseline of those that are
-//! known.
+//! Findings for other tools: JSON, annotations of GitHub, and the baseline of those that are known.
 
 use std::fmt::Write;
 
-use serde_json::{Value, json};
-
 use crate::record::FindingRecord;
-use crate::rule::{self, Level};
+use crate::rule::Level;
 use anyhit_base::escape;
 use anyhit_base::sorted::SortedSet;
 
-/// Findings as a list of objects: `rule`, `level`, `kind`, `class`, `message`, `file`, `line`,
-/// `count`, `launch_id`, `stack`, `notes`, `source` and `help`.
+/// Findings as a list of objects: `rule`, `level`, `kind`, `class`, `message`, `file`, `path`,
+/// `module`, `line`, `columns`, `count`, `launch_id`, `stack`, `notes`, `source` and `help`.
 pub fn json(findings: &[FindingRecord]) -> String {
     serde_json::to_string_pretty(findings).unwrap_or_default()
-}
-
-/// Findings as SARIF 2.1.0, one run of the tool `anyhit`.
-pub fn sarif(findings: &[FindingRecord]) -> String {
-    sarif_with(findings, Vec::new(), Vec::new())
-}
-
-/// As [`sarif`], with rules and results of others before those of the sanitizer.
-pub fn sarif_with(findings: &[FindingRecord], mut rules: Vec<Value>, mut results: Vec<Value>) -> String {
-    let own = rule::all().chain(rule::of_stops()).map(|rule| {
-        json!({
-            "id": rule.id,
-            "shortDescription": { "text": rule.holds },
-            "fullDescription": { "text": rule.source },
-            "help": { "text": rule.help },
-            "defaultConfiguration": { "level": sarif_level(rule.kind.default_level()) },
-        })
-    });
-    rules.extend(own);
-    results.extend(findings.iter().map(sarif_result));
-    let sarif = json!({
-        "$schema": "https://json.schemastore.org/sarif-2.1.0.json",
-        "version": "2.1.0",
-        "runs": [{
-            "tool": { "driver": {
-                "name": "anyhit",
-                "version": env!("CARGO_PKG_VERSION"),
-                "rules": rules,
-            } },
-            "results": results,
-        }],
-    });
-    format!("{sarif:#}")
 }
 
 /// Findings as annotations of GitHub Actions, a line each.
@@ -54,13 +18,23 @@ pub fn github(findings: &[FindingRecord]) -> String {
     let mut text = String::new();
     for finding in findings {
         let command = if finding.level == Level::Deny { "error" } else { "warning" };
+        // Writing to a string does not fail.
         let mut place = String::new();
-        if let (Some(file), Some(line)) = (finding.shown_path(), finding.line) {
-            // Writing to a string does not fail.
-            let _ = write!(place, "file={},line={line},", escape::workflow_property(file));
+        if let Some(path) = finding.shown_path() {
+            let _ = write!(place, "file={},", escape::workflow_property(path));
+        }
+        if let Some(line) = finding.line {
+            let _ = write!(place, "line={line},");
+        }
+        if let Some(columns) = finding.columns {
+            let _ = write!(place, "col={},", columns.start);
         }
         let rule = escape::workflow_property(&finding.rule);
-        let message = escape::workflow_message(&finding.message);
+        let mut message = finding.message.clone();
+        if let Some(module) = &finding.module {
+            let _ = write!(message, "\nin module {module}");
+        }
+        let message = escape::workflow_message(&message);
         let _ = writeln!(text, "::{command} {place}title={rule}::{message}");
     }
     text
@@ -70,49 +44,6 @@ pub fn github(findings: &[FindingRecord]) -> String {
 pub fn baseline(findings: &[FindingRecord]) -> String {
     let lines: SortedSet<String> = findings.iter().map(FindingRecord::baseline_line).collect();
     lines.iter().fold(String::new(), |text, line| text + line + "\n")
-}
-
-fn sarif_level(level: Level) -> &'static str {
-    match level {
-        Level::Deny => "error",
-        Level::Warn => "warning",
-        Level::Allow => "none",
-    }
-}
-
-fn sarif_result(finding: &FindingRecord) -> Value {
-    let mut result = json!({
-        "ruleId": finding.rule,
-        "level": sarif_level(finding.level),
-        "message": { "text": finding.message },
-        "properties": {
-            "class": finding.class,
-            "count": finding.count,
-            "launchId": finding.launch_id,
-        },
-    });
-    if let (Some(file), Some(line)) = (finding.shown_path(), finding.line) {
-        result["locations"] = json!([location(file, line as u64)]);
-    }
-    result
-}
-
-/// A line of a file as a location of SARIF.
-pub fn location(path: &str, line: u64) -> Value {
-    json!({
-        "physicalLocation": {
-            "artifactLocation": { "uri": uri(path) },
-            "region": { "startLine": line },
-        },
-    })
-}
-
-/// A path as SARIF has it (3.4.3): relative to the repository's root, or of the file system.
-fn uri(path: &str) -> String {
-    match path.starts_with('/') {
-        true => format!("file://{}", escape::uri(path)),
-        false => escape::uri(path),
-    }
 }
 
 #[cfg(test)]
@@ -162,26 +93,5 @@ mod tests {
         let known = baseline(&findings().records());
         later.forget_known(&known);
         assert!(later.is_empty());
-    }
-
-    #[test]
-    fn sarif_has_rules_results_and_places() {
-        let sarif: Value = serde_json::from_str(&sarif(&findings().records())).expect("JSON");
-        let run = &sarif["runs"][0];
-        assert_eq!(sarif["version"], "2.1.0");
-        assert_eq!(
-            run["tool"]["driver"]["rules"].as_array().map(Vec::len),
-            Some(rule::all().chain(rule::of_stops()).count())
-        );
-        let result = &run["results"][0];
-        assert_eq!((&result["ruleId"], &result["level"]), (&json!("pow-domain"), &json!("error")));
-        let place = &result["locations"][0]["physicalLocation"];
-        assert_eq!(place["artifactLocation"]["uri"], "sky,1.rmiss");
-        assert_eq!(place["region"]["startLine"], 7);
-        let json: Value = serde_json::from_str(&super::json(&findings().records())).expect("JSON");
-        assert_eq!(
-            (&json[1]["level"], &json[1]["line"], &json[1]["count"]),
-            (&json!("warn"), &json!(9), &json!(3))
-        );
     }
 }

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize, Serializer};
 
 use crate::finding::{Finding, Findings};
 use crate::rule::Level;
-use anyhit_base::error::ShaderFrame;
+use anyhit_base::error::{ShaderFrame, SourceColumns};
 
 /// What there is to tell of a finding, but for the source lines that a terminal shows.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -24,11 +24,17 @@ pub struct FindingRecord {
     /// The file, where the module has debug information.
     pub file: Option<String>,
     /// The path of the file from the root of its repository, without `..`, where that was looked
-    /// for.
+    /// for; that of the module without debug information, that of the scene without a module.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub path: Option<String>,
+    /// The file of the module, or its source, of a finding about a shader.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub module: Option<String>,
     /// The line in the file, from 1.
     pub line: Option<usize>,
+    /// The columns in the line, where they are known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub columns: Option<SourceColumns>,
     /// How often invocations broke the rule here.
     pub count: u64,
     /// `LaunchIdKHR` of the first, in compute shaders `GlobalInvocationId`.
@@ -68,7 +74,9 @@ impl Finding {
             message: self.error.message().to_owned(),
             file: place.map(|(file, _)| file.to_owned()),
             path: None,
+            module: self.error.module().map(str::to_owned),
             line: place.map(|(_, line)| line),
+            columns: self.columns(),
             count: self.count,
             launch_id: self.launch_id,
             stack: self.stack.clone(),

@@ -19,6 +19,7 @@ use crate::{block_sizes, descriptors, indirect, own_bindings};
 use anyhit_base::error::{Error, ErrorKind, Result};
 use anyhit_base::escape;
 use anyhit_base::input::{InputLimit, InputLimits};
+use anyhit_base::progress::Work;
 use anyhit_base::sorted::SortedMap;
 use anyhit_engine::accel::Tlas;
 use anyhit_engine::machine::{Binding, Buffer, Descriptor, Resources, image as machine};
@@ -110,6 +111,7 @@ fn assemble_excluding(
     scene: &ResolvedScene,
     excluded: Option<&resolved::ResolvedBinding>,
 ) -> Result<Assembled> {
+    let _work = Work::new("building the scene");
     let mut errors = Vec::new();
     let addresses = &Addresses::assign(scene, &mut errors);
     let mut shaders = Shaders { scene, loaded: HashMap::new(), addresses, programs: Vec::new() };

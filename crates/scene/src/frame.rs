@@ -64,6 +64,14 @@ impl Assembled {
         self.all_pipelines().map(|(_, pipeline)| pipeline.programs.len()).sum::<usize>() + dispatch
     }
 
+    /// The index of the first program of a pass in [`Assembled::programs`].
+    pub fn first_program_of(&self, pass: &Pass) -> usize {
+        match &pass.work {
+            PassWork::Launch(launch) => self.first_program(launch.pipeline),
+            PassWork::Dispatch(index) => self.dispatch_program(*index),
+        }
+    }
+
     /// Whether it is more than one launch of the pipeline, or a launch that is not its first, or
     /// finds bindings of its own.
     pub fn is_frame(&self) -> bool {

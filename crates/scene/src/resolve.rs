@@ -28,6 +28,7 @@ use crate::resources::ResourceEntry;
 use anyhit_base::error::{Error, ErrorKind, Place, Result};
 use anyhit_base::escape;
 use anyhit_base::input::InputLimit;
+use anyhit_base::progress::Work;
 use anyhit_base::sorted::{SortedSet, sort};
 use anyhit_engine::geometry::Precision;
 use anyhit_engine::machine::PrintedBytes;
@@ -98,6 +99,7 @@ fn load_shared_text(
     files: &dyn Files,
     options: &LoadOptions,
 ) -> Result<ResolvedScene> {
+    let _work = Work::new("loading the scene");
     let limits = files.limits();
     let report = Diagnostics::within(limits);
     let most = InputLimit::SceneBytes;

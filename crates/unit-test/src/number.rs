@@ -1,5 +1,6 @@
 //! Numbers of an expectation: their types, and how near a result must come.
 
+use anyhit_base::count::grouped;
 use anyhit_engine::math::float_format::FloatFormat;
 use anyhit_engine::math::ulp;
 
@@ -175,7 +176,7 @@ impl Tolerance {
                 match steps {
                     0 if value == exact => ": zeros of opposite sign, which `absolute = 0.0` accepts".into(),
                     0 | u32::MAX => String::new(),
-                    steps => format!(", {steps} floats away"),
+                    steps => format!(", {} floats away", grouped(steps)),
                 }
             }
             Self::Exact => String::new(),

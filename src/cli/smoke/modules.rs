@@ -8,11 +8,13 @@ use serde_json::{Map, Value, json};
 
 use crate::cli::share::ShareArgs;
 use crate::cli::smoke::verdict::{JsonReport, verdict};
-use crate::cli::smoke::{findings_of, write_sarif};
+use crate::cli::smoke::{FindingFiles, findings_of};
 use crate::cli::{module_file, output};
+use anyhit_base::count::grouped;
 use anyhit_base::error::{Error, ErrorKind, ErrorReport, Result};
 use anyhit_base::escape;
 use anyhit_base::input::InputLimits;
+use anyhit_base::progress::Work;
 use anyhit_cases::case::{FoundFiles, files_beneath};
 use anyhit_cases::in_order::in_order;
 use anyhit_cases::shares::smoke::{ModuleResult, ModuleVerdict, SmokeResult, SmokeWhole};
@@ -33,8 +35,8 @@ pub(super) struct ModulesToRun {
     pub min_coverage: f64,
     /// How many modules run in parallel, 0 for one a processor.
     pub jobs: usize,
-    /// The file that findings are written to as SARIF.
-    pub sarif: Option<PathBuf>,
+    /// The files that findings are written to.
+    pub files: FindingFiles,
     /// Whether a module that lacks a declaration is rejected.
     pub strict: bool,
 }
@@ -57,7 +59,9 @@ impl ModulesToRun {
         let places: Vec<usize> = (0..files.len()).filter(|&place| shard.holds(place)).collect();
         let mut result = SmokeResult::default();
         let mut findings = Vec::new();
+        let progress = Work::counted("running modules", places.len() as u64);
         let mut take = |(module, found): (ModuleResult, Vec<FindingRecord>)| {
+            progress.advance(1);
             findings.extend(found);
             if !json {
                 output::print(module.text())?;
@@ -67,11 +71,10 @@ impl ModulesToRun {
         };
         let work = |at: usize| self.module(places[at], &files[places[at]]);
         in_order(places.len(), self.jobs, &AtomicBool::new(false), &work, &mut take)?;
+        drop(progress);
         let results = ShareResults::new(whole, shard, result);
         share.write(&results)?;
-        if let Some(file) = &self.sarif {
-            write_sarif(file, &findings)?;
-        }
+        self.files.write(&findings)?;
         print_end(&SmokeResult::of_shares(&results), json)
     }
 
@@ -131,7 +134,7 @@ fn about(report: &SmokeReport, error: Option<&Error>) -> Option<String> {
     let reached = report.entry_points.iter().filter_map(|entry| entry.coverage.as_ref());
     let (entered, blocks) =
         reached.fold((0, 0), |(entered, blocks), one| (entered + one.blocks_entered, blocks + one.blocks));
-    (entered < blocks).then(|| format!("reached {entered} of {blocks} blocks"))
+    (entered < blocks).then(|| format!("reached {} of {} blocks", grouped(entered), grouped(blocks)))
 }
 
 /// The report of merged shares.
@@ -149,14 +152,15 @@ pub(in crate::cli) fn print_merged(results: &ShareResults<SmokeResult>, json: bo
 
 fn print_end(result: &SmokeResult, json: bool) -> Result<()> {
     match json {
-        true => output::print(format_args!("{:#}\n", result.json()))?,
+        true => output::print_data(format_args!("{:#}\n", result.json()))?,
         false => output::print(result.summary())?,
     }
     match result.class() {
         None => Ok(()),
         Some(class) => {
             let count = result.modules.iter().filter(|module| module.class.is_some()).count();
-            Err(Error::of_class(class, format!("{count} of {} modules fail", result.modules.len())))
+            let (count, all) = (grouped(count), grouped(result.modules.len()));
+            Err(Error::of_class(class, format!("{count} of {all} modules fail")))
         }
     }
 }

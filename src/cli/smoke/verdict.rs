@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 
+use anyhit_base::count::grouped;
 use anyhit_base::error::{Error, ErrorClass, ErrorKind, ErrorReport, Result};
 use anyhit_cases::sanitized::deny;
 use anyhit_cases::smoke::{SmokeReport, SmokeVerdict};
@@ -41,9 +42,9 @@ pub(super) fn verdict(report: &SmokeReport, min_coverage: f64) -> Result<()> {
     let parts: Vec<_> = counts
         .iter()
         .filter(|(count, _)| *count > 0)
-        .map(|(count, word)| format!("{count} {word}"))
+        .map(|(count, word)| format!("{} {word}", grouped(count)))
         .collect();
-    let message = format!("of {} entry points, {}", entries.len(), parts.join(", "));
+    let message = format!("of {} entry points, {}", grouped(entries.len()), parts.join(", "));
     Err(match worst {
         SmokeVerdict::Ok | SmokeVerdict::OutOfScope | SmokeVerdict::Trap => {
             Error::new(ErrorKind::Expectation, message)
@@ -61,12 +62,12 @@ fn covered(report: &SmokeReport, percent: f64) -> Result<()> {
     if too_few.is_empty() {
         return Ok(());
     }
-    let count = report.entry_points.len();
-    let message =
-        format!("of {count} entry points, {} reached less than {percent} % of their blocks", too_few.len());
+    let [all, few] = [report.entry_points.len(), too_few.len()].map(grouped);
+    let message = format!("of {all} entry points, {few} reached less than {percent} % of their blocks");
     let error = Error::new(ErrorKind::Expectation, message);
     Err(too_few.iter().fold(error, |error, (entry, reached)| {
-        let share = format!("{} of {} blocks", reached.blocks_entered, reached.blocks);
+        let [entered, blocks] = [reached.blocks_entered, reached.blocks].map(grouped);
+        let share = format!("{entered} of {blocks} blocks");
         error.note(format!("{} `{}` reached {share}", entry.stage, entry.name))
     }))
 }

@@ -7,6 +7,7 @@ use crate::case::Loaded;
 use crate::expect::Subject;
 use crate::observe::fresh_resources;
 use crate::run::trace;
+use anyhit_base::count::grouped;
 use anyhit_base::sorted::SortedMap;
 use anyhit_engine::machine::image::Image;
 use anyhit_engine::machine::{
@@ -406,8 +407,10 @@ impl<'a> Search<'a> {
         if let Some((pass, count)) = self.unobserved {
             let label = self.loaded.assembled.passes[pass].label(pass);
             let note = format!(
-                "written in pass {label}, by one of its {count} invocations: too many to search (the \
-                 limit is {MAX_INVOCATIONS})"
+                "written in pass {label}, by one of its {} invocations: too many to search (the limit \
+                 is {})",
+                grouped(count),
+                grouped(MAX_INVOCATIONS)
             );
             let request =
                 self.guess(pass, &self.loaded.assembled.resources).map(|id| request(self.loaded, pass, id));
@@ -440,13 +443,14 @@ impl<'a> Search<'a> {
                 (1, Some((from, to))) if from == to => format!("ran once, on {what} {}", place(from)),
                 (1, Some((from, to))) => format!("ran once, on {first} {} {last} {}", place(from), place(to)),
                 (count, Some((from, to))) => {
+                    let count = grouped(count);
                     format!("ran {count} times, on {first} {} {last} {}", place(from), place(to))
                 }
             };
             notes.push(format!("{at} ({ran})"));
         }
         if self.lines.len() > LINES {
-            notes.push(format!("and {} more lines", self.lines.len() - LINES));
+            notes.push(format!("and {} more lines", grouped(self.lines.len() - LINES)));
         }
         let passes = &self.loaded.assembled.passes;
         let request = match self.likely {

@@ -2,6 +2,7 @@
 
 use crate::drawing::bitmap_text::{self, LINE_HEIGHT};
 use crate::expect::magnitude_colour;
+use anyhit_base::count::grouped;
 use anyhit_scene::image::Rgba8;
 
 /// Paper and ink of the legend.
@@ -170,15 +171,8 @@ pub fn number(value: f64) -> String {
     }
     let whole = value.round();
     if (value - whole).abs() < 1e-9 || value.abs() >= 1000.0 {
-        let digits = format!("{:.0}", whole.abs());
-        let mut text = String::new();
-        for (at, digit) in digits.chars().enumerate() {
-            if at > 0 && (digits.len() - at).is_multiple_of(3) {
-                text.push(',');
-            }
-            text.push(digit);
-        }
-        return if whole < 0.0 { format!("-{text}") } else { text };
+        // Without the sign of a zero.
+        return grouped(format_args!("{:.0}", whole + 0.0));
     }
     let decimals = match value.abs() {
         100.0.. => 0,

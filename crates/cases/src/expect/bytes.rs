@@ -6,6 +6,7 @@ use crate::expect::difference::SHOWN;
 use crate::expect::numbers;
 use crate::expect::numbers::TypedNumbers;
 use crate::expect::{Difference, Subject};
+use anyhit_base::count::grouped;
 use anyhit_base::error::Result;
 use anyhit_engine::machine::Buffer;
 use anyhit_engine::machine::image::Image;
@@ -117,7 +118,7 @@ impl BytesExpectation {
         let more = all.len().saturating_sub(SHOWN);
         if more > 0 {
             let last = &mut all[SHOWN - 1];
-            last.error = last.error.clone().note(format!("{more} more differences in this table"));
+            last.error = last.error.clone().note(format!("{} more differences in this table", grouped(more)));
             for hidden in &mut all[SHOWN..] {
                 hidden.counted = true;
             }

@@ -6,6 +6,7 @@ use crate::expect::difference::PictureDifference;
 use crate::expect::numbers;
 use crate::expect::similarity::similarity;
 use crate::expect::{Difference, Fix, ObservedMemory};
+use anyhit_base::count::grouped;
 use anyhit_base::error::Result;
 use anyhit_engine::machine::format::Component;
 use anyhit_scene::image::{Picture, PixelEncoding, Rgba8, exr_support};
@@ -136,6 +137,7 @@ impl PictureExpectation {
                 Some((count, texel, words)) => {
                     let [x, y] = texel;
                     let all = u64::from(expected.extent[0]) * u64::from(expected.extent[1]);
+                    let (count, all) = (grouped(count), grouped(all));
                     let message = format!(
                         "`{}`: {count} of {all} texels differ, most at ({x}, {y}): {words}",
                         bytes.name
@@ -152,7 +154,7 @@ impl PictureExpectation {
                     "`{}`: the RMSE is {rmse:.6}, but at most {} is allowed",
                     bytes.name, limit.value
                 );
-                (message, numbers.worst())
+                (message, numbers.worst(|_| true))
             }
             Measure::Similarity(limit) => {
                 let alike = similarity(&expected_picture, &found_picture);
@@ -162,7 +164,7 @@ impl PictureExpectation {
                 let (name, limit) = (&bytes.name, limit.value);
                 let message =
                     format!("`{name}`: the similarity is {alike:.6}, but at least {limit} is required");
-                (message, numbers.worst())
+                (message, numbers.worst(|_| true))
             }
         };
         let mut difference = difference(message).about(bytes.texel(texel));
@@ -170,6 +172,7 @@ impl PictureExpectation {
             name: bytes.name.clone(),
             expected: expected_picture,
             found: found_picture,
+            worst: texel,
         }));
         Ok(Some(difference))
     }
@@ -237,11 +240,12 @@ impl Numbers {
     /// How many texels differ, the one that differs most, and its numbers in words.
     fn each(&self, tolerance: Tolerance) -> Option<(usize, [u32; 2], String)> {
         let texels = self.channels.chunks_exact(4);
-        let count = texels.filter(|texel| texel.iter().any(|&pair| self.differs(tolerance, pair))).count();
+        let differs = |texel: &[[f64; 2]]| texel.iter().any(|&pair| self.differs(tolerance, pair));
+        let count = texels.filter(|texel| differs(texel)).count();
         if count == 0 {
             return None;
         }
-        let texel = self.worst();
+        let texel = self.worst(differs);
         let at = 4 * (texel[1] as usize * self.width + texel[0] as usize);
         let words = |side: usize| {
             let numbers = self.channels[at..at + 4].iter().map(|pair| match self.step {
@@ -254,15 +258,16 @@ impl Numbers {
         Some((count, texel, format!("expected {}, found {}", words(0), words(1))))
     }
 
-    /// The texel that differs most.
-    fn worst(&self) -> [u32; 2] {
+    /// Of the texels for which a condition holds, the one that differs most.
+    fn worst(&self, counts: impl Fn(&[[f64; 2]]) -> bool) -> [u32; 2] {
         let distance = |texel: &[[f64; 2]]| {
             let channels = texel.iter().map(|[expected, found]| (expected - found).abs());
             // NaN on one side only is as far away as can be.
             channels.fold(0.0, |most: f64, one| if one.is_nan() { f64::INFINITY } else { most.max(one) })
         };
-        let texels = self.channels.chunks_exact(4).map(distance).enumerate();
-        let most = texels.fold((0, -1.0), |most, one| if one.1 > most.1 { one } else { most });
+        let texels = self.channels.chunks_exact(4).enumerate().filter(|(_, texel)| counts(texel));
+        let distances = texels.map(|(at, texel)| (at, distance(texel)));
+        let most = distances.fold((0, -1.0), |most, one| if one.1 > most.1 { one } else { most });
         [(most.0 % self.width.max(1)) as u32, (most.0 / self.width.max(1)) as u32]
     }
 
@@ -306,12 +311,22 @@ mod tests {
         assert_eq!(words, "expected (10, 0, 0, 255), found (12, 0, 0, 255)");
     }
 
+    /// A texel within a relative tolerance is not named, however large its difference is.
+    #[test]
+    fn the_texel_named_is_one_that_differs() {
+        let texel = |expected: f64, found: f64| [[expected, found], [0.0; 2], [0.0; 2], [0.0; 2]];
+        // 8 of 1000 are 0.8 %; 0.5 of 10 are 5 %.
+        let numbers = numbers(None, &[texel(1000.0, 1008.0), texel(10.0, 10.5)].concat());
+        let (count, texel, _) = numbers.each(Tolerance::Relative(0.01)).unwrap();
+        assert_eq!((count, texel), (1, [0, 1]));
+    }
+
     #[test]
     fn not_a_number_differs_most() {
         let mut pairs = vec![[0.0, 1.0]; 4];
         pairs.extend([[0.0, f64::NAN], [0.0, 0.0], [0.0, 0.0], [0.0, 0.0]]);
         let numbers = numbers(None, &pairs);
-        assert_eq!(numbers.worst(), [0, 1]);
+        assert_eq!(numbers.worst(|_| true), [0, 1]);
         assert!(numbers.each(Tolerance::Absolute(1e30)).is_some_and(|(count, ..)| count == 1));
     }
 }

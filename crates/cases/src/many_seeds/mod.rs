@@ -34,6 +34,7 @@ use crate::many_seeds::report::DifferenceReport;
 use crate::many_seeds::runs::{Drawing, RunDifference, Runs};
 use anyhit_base::error::{Error, ErrorKind, Result};
 use anyhit_base::escape;
+use anyhit_base::progress::Work;
 use anyhit_debugger::session::ResolvedRequest;
 use anyhit_debugger::shell;
 use anyhit_engine::machine::{ChoiceKind, ChoiceLog, ChoiceSite};
@@ -131,9 +132,11 @@ impl ManySeeds {
         let path = escape::path(&scene.path).to_string();
         let command = self.command.clone().unwrap_or_else(|| format!("anyhit run {}", shell::word(&path)));
         let mut search = Search { scene, runs, levels, command, findings: Findings::default() };
+        let work = Work::counted("running with random choices", self.seeds.end - self.seeds.start);
         for seed in self.seeds.clone() {
             search.seed(seed, &others);
             search.seed(seed, &values);
+            work.advance(1);
         }
         Ok(search.findings)
     }

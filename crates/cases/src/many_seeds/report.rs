@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use crate::many_seeds::runs::{Drawing, RunDifference, Runs};
+use anyhit_base::count::grouped;
 use anyhit_base::error::{Error, ErrorKind};
 use anyhit_engine::accel::Candidate;
 use anyhit_engine::machine::{ChoiceKind, ChoiceSite, DrawnDetails, DrawnTraversal, OpIndex, ShaderIndex};
@@ -74,7 +75,7 @@ impl DifferenceReport<'_> {
         if self.draws.len() > 1 {
             error = error.note(format!(
                 "{} draws together cause the difference; the first is shown",
-                self.draws.len()
+                grouped(self.draws.len())
             ));
         }
         let (seed, command) = (self.drawing.seed, self.command);
@@ -94,7 +95,9 @@ impl DifferenceReport<'_> {
         let program = drawn.caller.and_then(|(shader, op)| Some((self.runs.program(*site, shader)?, op)));
         let error = match program {
             Some((program, op)) => {
-                invocation(with_location(&program, op, error, "the ray is traced here"), &program, site)
+                let error = with_location(&program, op, error, "the ray is traced here");
+                let module = drawn.caller.and_then(|(shader, _)| self.runs.module_file(site, shader));
+                module.into_iter().fold(invocation(error, &program, site), Error::in_module)
             }
             None => error,
         };
@@ -114,7 +117,7 @@ impl DifferenceReport<'_> {
         };
         let mut names: Vec<String> = hits.iter().take(TOLD_HITS).map(name).collect();
         if hits.len() > TOLD_HITS {
-            names.push(format!("and {} more", hits.len() - TOLD_HITS));
+            names.push(format!("and {} more", grouped(hits.len() - TOLD_HITS)));
         }
         names.join("; ")
     }
@@ -129,6 +132,7 @@ impl DifferenceReport<'_> {
         what: Option<&str>,
     ) -> Error {
         let Some(program) = self.runs.program(*site, shader) else { return error };
+        let error = self.runs.module_file(site, shader).into_iter().fold(error, Error::in_module);
         let (stage, name) = (program.stage.name(), &program.name);
         let label = |op: OpIndex| label(site.kind, program.ops.get(op.index()));
         let error = op.into_iter().fold(error, |error, op| with_location(&program, op, error, label(op)));

@@ -5,6 +5,7 @@ use std::sync::{Arc, OnceLock};
 
 use crate::expect::{Expectations, Observed};
 use crate::many_seeds::values::{OpenValues, ValueDraws};
+use crate::module_files::module_files;
 use crate::observe::{first_ray, fresh_resources, read_resources};
 use crate::stability::UnstableOutput;
 use crate::stability::outputs::OutputComparison;
@@ -147,6 +148,18 @@ impl<'a> Runs<'a> {
             }
             PassWork::Dispatch(index) => Some(assembled.dispatches[*index].compute.program.clone()),
         }
+    }
+
+    /// The file of the module that a shader of a pass comes from.
+    pub(super) fn module_file(&self, site: &ChoiceSite, shader: ShaderIndex) -> Option<String> {
+        let at = match self.assembled.passes.get(site.pass as usize) {
+            None => shader.index(),
+            Some(pass) => match pass.work {
+                PassWork::Launch(_) => self.assembled.first_program_of(pass) + shader.index(),
+                PassWork::Dispatch(_) => self.assembled.first_program_of(pass),
+            },
+        };
+        module_files(self.scene, self.assembled).into_iter().nth(at)
     }
 
     /// The size of a pass: the given one, unless a buffer holds it.

@@ -20,7 +20,9 @@ pub use heat::{Heat, HeatMeasure, worst_pixels};
 
 use std::borrow::Cow;
 
+use anyhit_base::count::grouped;
 use anyhit_base::error::{Error, ErrorKind, Result};
+use anyhit_base::progress::Work;
 use anyhit_engine::machine::Resources;
 use anyhit_engine::pipeline::{Launch, RunOptions};
 use anyhit_scene::Assembled;
@@ -71,6 +73,7 @@ pub fn measure(
     resources: &Resources,
 ) -> Result<LaunchCost> {
     check(single)?;
+    let _work = Work::new("counting the cost of pixels");
     let mut found = None;
     for (number, pass) in assembled.passes.iter().enumerate() {
         let outcome = if number == single.number {
@@ -101,7 +104,11 @@ fn check(single: &SingleLaunch<'_>) -> Result<()> {
     }
     let count = single.size.iter().fold(1_u64, |count, &side| count.saturating_mul(side.into()));
     if count > MAX_INVOCATIONS {
-        let message = format!("the cost of {count} pixels cannot be counted: the limit is {MAX_INVOCATIONS}");
+        let message = format!(
+            "the cost of {} pixels cannot be counted: the limit is {}",
+            grouped(count),
+            grouped(MAX_INVOCATIONS)
+        );
         return Err(Error::new(ErrorKind::InvalidArgument, message).note("reduce the launch with `--size`"));
     }
     Ok(())

@@ -7,6 +7,7 @@ use serde_json::{Map, Value, json};
 
 use crate::shares::results::{ShareResult, ShareResults};
 use crate::smoke::{SmokeReport, SmokeVerdict};
+use anyhit_base::count::grouped;
 use anyhit_base::error::{Error, ErrorClass, ErrorKind, Result};
 use anyhit_base::escape;
 use anyhit_base::sorted::{SortedSet, json_object, sort_by_key};
@@ -182,12 +183,12 @@ impl SmokeResult {
     pub fn summary(&self) -> String {
         let mut out = match self.modules.len() {
             1 => "1 module".to_owned(),
-            count => format!("{count} modules"),
+            count => format!("{} modules", grouped(count)),
         };
         for (at, (verdict, count)) in self.counts().into_iter().enumerate() {
             let sign = if at == 0 { ":" } else { "," };
             // Writing to a string does not fail.
-            let _ = write!(out, "{sign} {count} {}", verdict.word());
+            let _ = write!(out, "{sign} {} {}", grouped(count), verdict.word());
         }
         out.push('\n');
         out

@@ -4,6 +4,7 @@ use std::fmt::Write;
 
 use serde::Serialize;
 
+use anyhit_base::count::grouped;
 use anyhit_base::error::{Error, ErrorReport};
 use anyhit_base::sorted::SortedSet;
 use anyhit_sanitize::Findings;
@@ -115,19 +116,20 @@ impl BlockCoverage {
     fn write(&self, out: &mut String) {
         let many = |count: u64, one: &str, several: &str| match count {
             1 => format!("1 {one}"),
-            _ => format!("{count} {several}"),
+            _ => format!("{} {several}", grouped(count)),
         };
         let mut parts = Vec::new();
         if self.trace_instructions > 0 {
             let rays = many(self.rays_traced, "ray", "rays");
             let (reached, all) = (self.trace_instructions_reached, self.trace_instructions);
+            let reached = grouped(reached);
             parts.push(format!("{rays} traced by {reached} of {}", many(all as u64, "trace", "traces")));
         }
         if self.query_instructions > 0 {
             let queries = many(self.ray_queries, "ray query", "ray queries");
             let (reached, all) = (self.query_instructions_reached, self.query_instructions);
             let all = many(all as u64, "OpRayQueryInitializeKHR", "OpRayQueryInitializeKHR");
-            parts.push(format!("{queries} initialised by {reached} of {all}"));
+            parts.push(format!("{queries} initialised by {} of {all}", grouped(reached)));
         }
         if self.any_hits > 0 {
             parts.push(many(self.any_hits, "any-hit shader run", "any-hit shaders run"));
@@ -139,7 +141,7 @@ impl BlockCoverage {
         let _ = writeln!(
             out,
             "  reached {} of {}{} with {sets}",
-            self.blocks_entered,
+            grouped(self.blocks_entered),
             many(self.blocks as u64, "block", "blocks"),
             parts.iter().fold(String::new(), |text, part| text + ", " + part),
         );
@@ -150,7 +152,7 @@ impl BlockCoverage {
         if !missing.is_empty() {
             let shown = &missing[..missing.len().min(SHOWN)];
             let more = missing.len() - shown.len();
-            let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+            let more = if more > 0 { format!(" and {} more", grouped(more)) } else { String::new() };
             let _ = writeln!(out, "  not reached: {}{more}", shown.join(", "));
         }
     }
@@ -230,7 +232,8 @@ impl EntryReport {
     fn write(&self, out: &mut String, told: &mut SortedSet<(u32, String)>) {
         let reached = self.coverage.as_ref().filter(|reached| !reached.is_whole());
         let part = reached.filter(|_| self.result == SmokeVerdict::Ok).map_or_else(String::new, |reached| {
-            format!(", reached {} of {} blocks", reached.blocks_entered, reached.blocks)
+            let [entered, blocks] = [reached.blocks_entered, reached.blocks].map(grouped);
+            format!(", reached {entered} of {blocks} blocks")
         });
         let _ = writeln!(out, "{} `{}`: {}{part}", self.stage, self.name, self.result.words());
         for reason in &self.reasons {

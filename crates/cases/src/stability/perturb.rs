@@ -14,6 +14,7 @@ use crate::stability::probe::{self, Probe, RunPart};
 use crate::stability::shadow_context::branch_offsets;
 use crate::stability::shadows::{bits, float};
 use anyhit_base::error::{ErrorKind, Result};
+use anyhit_base::progress::Work;
 use anyhit_base::sorted::SortedMap;
 use anyhit_debugger::session::ResolvedRequest;
 use anyhit_engine::accel::Committed;
@@ -103,7 +104,10 @@ fn compare_runs(
         output_count: comparison.output_count(&before),
         ..Instability::default()
     };
-    for number in context.perturbation.first_run..=context.perturbation.runs {
+    let Perturbation { first_run, runs, .. } = context.perturbation;
+    let work = Work::counted("running perturbed", u64::from(runs.saturating_sub(first_run)) + 1);
+    for number in first_run..=runs {
+        work.advance(1);
         let (observed, seen, outcome) = run(number, Some(&decisions.decisions));
         for (DecisionSite { shader, offset, kind }, count) in seen.divergences {
             *found.branches.entry((context.programs.location(shader, offset), kind)).or_default() += count;

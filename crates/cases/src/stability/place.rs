@@ -4,10 +4,9 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use anyhit_base::escape;
-use anyhit_engine::machine::ShaderIndex;
+use crate::module_files::module_files;
 use anyhit_engine::program::Program;
-use anyhit_explain::names::{Names, source_line_at};
+use anyhit_explain::names::source_line_at;
 use anyhit_scene::{Assembled, ResolvedScene};
 
 /// A line of a shader's source, or an instruction if the module has no debug information.
@@ -44,25 +43,7 @@ pub(super) struct Programs {
 
 impl Programs {
     pub(super) fn of(scene: &ResolvedScene, assembled: &Assembled) -> Self {
-        let pipelines = assembled.all_pipelines().flat_map(|(index, pipeline)| {
-            let names = Names::new(scene, index, pipeline);
-            pipeline.programs.iter().enumerate().map(move |(at, program)| {
-                let path =
-                    names.module(ShaderIndex::new(at)).map(|module| escape::path(&module.path).to_string());
-                (program.clone(), path)
-            })
-        });
-        let dispatched = assembled.dispatches.iter().zip(&scene.dispatches).map(|(dispatch, entry)| {
-            let path = &scene.shaders[entry.shader.module].path;
-            (dispatch.compute.program.clone(), Some(escape::path(&path).to_string()))
-        });
-        let (all, files) = pipelines
-            .chain(dispatched)
-            .map(|(program, path)| {
-                let path = path.unwrap_or_else(|| format!("{} `{}`", program.stage.name(), program.name));
-                (program, path)
-            })
-            .unzip();
+        let (all, files) = (assembled.programs().cloned().collect(), module_files(scene, assembled));
         let first = assembled.all_pipelines().map(|(index, _)| assembled.first_program(index)).collect();
         Self { all, files, first }
     }

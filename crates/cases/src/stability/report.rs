@@ -7,6 +7,7 @@ use serde_json::{Value, json};
 use crate::stability::SourceLocation;
 use crate::stability::found::{LineFindings, ShadowFindings};
 use crate::stability::instability::{DecisionKind, Instability, Perturbation};
+use anyhit_base::count::grouped;
 use anyhit_base::error::Error;
 
 impl ShadowFindings {
@@ -16,12 +17,12 @@ impl ShadowFindings {
         let significant: Vec<_> = lines.iter().filter(|(_, found)| found.is_significant()).collect();
         let mut text = format!(
             "shadow in f64: {} float results on {} lines; {}\n",
-            self.results,
-            lines.len(),
+            grouped(self.results),
+            grouped(lines.len()),
             match significant.len() {
                 0 => "no line loses much precision, and no decision changes".to_owned(),
                 1 => "1 line needs attention".to_owned(),
-                count => format!("{count} lines need attention"),
+                count => format!("{} lines need attention", grouped(count)),
             }
         );
         let width = significant.iter().map(|(location, _)| location.label().len()).max().unwrap_or(0);
@@ -40,11 +41,11 @@ impl ShadowFindings {
                 location.label(),
                 format!("{:.1e}", found.error),
                 found.bits_lost,
-                found.cancellations,
-                found.comparisons,
-                found.branches,
-                found.integers,
-                found.hits,
+                grouped(found.cancellations),
+                grouped(found.comparisons),
+                grouped(found.branches),
+                grouped(found.integers),
+                grouped(found.hits),
                 notes(location, found)
             );
         }
@@ -85,14 +86,15 @@ fn notes(location: &SourceLocation, found: &LineFindings) -> String {
         let _ = write!(
             text,
             "\n      {} infinite or NaN either here or in f64, but not in both",
-            found.not_finite
+            grouped(found.not_finite)
         );
     }
     if found.read_back > 0 {
         let _ = write!(
             text,
             "\n      {} read back after rounding in storage of {} bits",
-            found.read_back, found.storage_bits
+            grouped(found.read_back),
+            found.storage_bits
         );
     }
     if let (Some(source), true) = (&location.text, location.line > 0) {
@@ -110,7 +112,7 @@ impl Perturbation {
         let Self { runs, first_run, seed, envelope, .. } = self;
         let runs = match (first_run, runs) {
             (1, 1) => "1 run".to_owned(),
-            (1, runs) => format!("{runs} runs"),
+            (1, runs) => format!("{} runs", grouped(runs)),
             (first, runs) => format!("runs {first} to {runs}"),
         };
         format!(
@@ -141,7 +143,7 @@ impl Instability {
     fn stable_text(&self) -> String {
         match self.output_count {
             1 => "the output is stable".to_owned(),
-            count => format!("all {count} outputs are stable"),
+            count => format!("all {} outputs are stable", grouped(count)),
         }
     }
 
@@ -155,8 +157,11 @@ impl Instability {
     /// One sentence for each output that is not stable.
     pub fn output_lines(&self) -> Vec<String> {
         let output = |one: &super::instability::UnstableOutput| {
-            let more =
-                if one.values > 1 { format!(" (and {} more values)", one.values - 1) } else { String::new() };
+            let more = if one.values > 1 {
+                format!(" (and {} more values)", grouped(one.values - 1))
+            } else {
+                String::new()
+            };
             format!(
                 "output {}{more}: {} unperturbed, {} in run {}{}",
                 one.name,
@@ -187,7 +192,8 @@ impl Instability {
                 DecisionKind::Branch => "branch",
                 DecisionKind::Hit => "hit of the ray traced",
             };
-            format!("{what} at {} changes first in {count} perturbed invocations{source}", location.label())
+            let (place, count) = (location.label(), grouped(count));
+            format!("{what} at {place} changes first in {count} perturbed invocations{source}")
         };
         self.branches.iter().map(branch).collect()
     }

@@ -12,6 +12,7 @@ use crate::stability::probe;
 use crate::stability::shadow_context::ShadowContext;
 use crate::stability::shadow_interpreter::ShadowInterpreter;
 use anyhit_base::error::{Error, Result};
+use anyhit_base::progress::Work;
 use anyhit_debugger::session::ResolvedRequest;
 use anyhit_scene::{Assembled, ResolvedScene};
 
@@ -50,6 +51,7 @@ pub fn texel_errors(
     launch: usize,
     size: [u32; 3],
 ) -> Result<Vec<f64>> {
+    let _work = Work::new("measuring rounding errors");
     let context = ShadowContext::new(scene, assembled);
     let resources = fresh_resources(assembled);
     let [width, height, depth] = size.map(|side| side as usize);

@@ -1,4 +1,4 @@
-//! Failed tests and findings for tools that show them at lines: code quality of GitLab, and SARIF.
+//! Failed tests and findings for GitLab, which shows them at lines.
 
 use serde_json::{Value, json};
 
@@ -7,11 +7,11 @@ use crate::suite::{Problem, SuiteResult, TestResult};
 use anyhit_base::error::ErrorClass;
 use anyhit_base::escape;
 use anyhit_base::sorted::SortedMap;
-use anyhit_sanitize::{FindingRecord, Level, formats};
+use anyhit_sanitize::Level;
 
 /// The tests that did not pass, each with its problem and the name of its rule. Excludes tests that
 /// failed because of findings, which are listed separately.
-fn failed(result: &SuiteResult) -> impl Iterator<Item = (&TestResult, &Problem, &'static str)> {
+pub(super) fn failed(result: &SuiteResult) -> impl Iterator<Item = (&TestResult, &Problem, &'static str)> {
     result.tests.iter().filter_map(|test| {
         let problem = test.problem.as_ref()?;
         let rule = match test.class? {
@@ -25,7 +25,7 @@ fn failed(result: &SuiteResult) -> impl Iterator<Item = (&TestResult, &Problem, 
 }
 
 /// The name of a test and the first line about its failure.
-fn description(test: &TestResult) -> String {
+pub(super) fn description(test: &TestResult) -> String {
     let message = test.message.as_deref().unwrap_or_default();
     escape::into_line(format!("{}: {message}", test.name))
 }
@@ -54,36 +54,11 @@ pub fn gitlab(result: &SuiteResult) -> Value {
     }
     for finding in result.findings() {
         let record = finding.record();
-        let (Some(path), Some(line)) = (record.shown_path(), record.line) else { continue };
+        let Some(path) = record.shown_path() else { continue };
         let severity = if record.level == Level::Deny { "major" } else { "minor" };
-        issues.push(issue(&record.rule, &record.message, severity, path, line as u64));
+        // GitLab requires a line, which a module has not.
+        let line = record.line.unwrap_or(1) as u64;
+        issues.push(issue(&record.rule, &record.message, severity, path, line));
     }
     issues.into()
-}
-
-/// Failed tests and findings as SARIF 2.1.0.
-pub fn sarif(result: &SuiteResult) -> String {
-    const RULES: [(&str, &str); 3] = [
-        ("test-failed", "A test has the values that it expects"),
-        ("test-trapped", "No shader of a test traps unless the test expects it"),
-        ("test-error", "A test can run"),
-    ];
-    let rules = RULES.map(|(id, holds)| {
-        json!({
-            "id": id,
-            "shortDescription": { "text": holds },
-            "defaultConfiguration": { "level": "error" },
-        })
-    });
-    let results = failed(result).map(|(test, problem, rule)| {
-        json!({
-            "ruleId": rule,
-            "level": "error",
-            "message": { "text": description(test) },
-            "locations": [formats::location(&problem.path, problem.line.into())],
-        })
-    });
-    let records: Vec<FindingRecord> =
-        result.findings().iter().map(|finding| finding.record().clone()).collect();
-    formats::sarif_with(&records, rules.to_vec(), results.collect())
 }

@@ -5,6 +5,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use crate::source_tree::SourceTree;
+use anyhit_base::count::grouped;
 use anyhit_base::sorted::SortedMap;
 use anyhit_sanitize::{Finding, FindingRecord, Findings, Level};
 
@@ -26,7 +27,7 @@ impl KeptFinding {
         let counted = |count| Finding { count, ..finding.clone() }.render();
         // No other number of a report is as large.
         let many = counted(u64::MAX);
-        let (before, behind) = many.split_once(&(u64::MAX - 1).to_string()).unwrap_or((&many, ""));
+        let (before, behind) = many.split_once(&grouped(u64::MAX - 1)).unwrap_or((&many, ""));
         Self { key, once: counted(1), more: [before.to_owned(), behind.to_owned()], record: finding.record() }
     }
 
@@ -34,7 +35,7 @@ impl KeptFinding {
     pub fn all(findings: &Findings, tree: &SourceTree, scene: &Path) -> Vec<Self> {
         let kept = |(key, finding)| {
             let mut kept = Self::of(key, finding);
-            kept.record.path = kept.record.file.as_ref().map(|file| tree.path_of(file, Some(scene)));
+            tree.place_one(&mut kept.record, scene);
             kept
         };
         findings.with_keys().into_iter().map(kept).collect()
@@ -69,7 +70,7 @@ impl KeptFinding {
         let [before, behind] = &self.more;
         match self.record.count {
             0 | 1 => self.once.clone(),
-            count => format!("{before}{}{behind}", count - 1),
+            count => format!("{before}{}{behind}", grouped(count - 1)),
         }
     }
 

@@ -9,16 +9,18 @@ mod pictures;
 pub mod report;
 mod result;
 mod run;
+mod sarif;
 mod summary;
 mod tester;
 
 pub use anyhit_unit_test::explain::EXPLAINED_LINES;
-pub use for_tools::{gitlab, sarif};
+pub use for_tools::gitlab;
 #[cfg(feature = "reports")]
 pub use junit::junit;
 pub use kept_finding::KeptFinding;
 pub use options::SuiteOptions;
 pub use result::{CaseResult, Ended, Problem, SuiteResult, SuiteWhole, TestResult};
+pub use sarif::{findings_sarif, suite_sarif};
 pub use summary::summary;
 
 use std::path::{Path, PathBuf};

@@ -88,8 +88,8 @@ mod tests {
         let own = folder.path().join("own");
         let one = Rgba8 { extent: [1, 1], pixels: vec![0; 4] };
         for name in ["../out", "/out", "a/../../out"] {
-            let picture =
-                PictureDifference { name: name.to_owned(), expected: one.clone(), found: one.clone() };
+            let pixel = one.pixels.clone();
+            let picture = PictureDifference::new(name, one.extent, pixel.clone(), pixel).expect("one size");
             let saved = save(&own, "../test", &picture).expect("a writable folder");
             assert_eq!(saved.len(), 3);
             for path in saved {

@@ -7,6 +7,7 @@ use serde_json::{Value, json};
 use crate::coverage::Coverage;
 use crate::source_tree::SourceTree;
 use crate::suite::{Ended, Finished, Outcome, Problem, SuiteResult, TestFailure, TestResult};
+use anyhit_base::count::grouped;
 use anyhit_base::error::{Error, Place};
 use anyhit_base::escape;
 use anyhit_base::sorted::json_object;
@@ -85,13 +86,21 @@ fn indented(text: &str, by: &str) -> String {
     text.lines().map(line).collect()
 }
 
+/// The tests that did not pass, by name; nothing where all did.
+pub fn failed(result: &SuiteResult) -> String {
+    let failed = result.tests.iter().filter(|test| matches!(test.ended, Ended::Failed | Ended::Error));
+    let lines: String =
+        failed.map(|test| format!("  {:<6}  {}\n", test.ended.word(), escape::line(&test.name))).collect();
+    if lines.is_empty() { lines } else { format!("\ndid not pass:\n{lines}\n") }
+}
+
 /// How many tests ended how.
 pub fn summary(result: &SuiteResult) -> String {
     let (failed, broken) = (result.count(Ended::Failed), result.count(Ended::Error));
-    let mut parts = vec![format!("{} passed", result.count(Ended::Passed))];
+    let mut parts = vec![format!("{} passed", grouped(result.count(Ended::Passed)))];
     let mut more = |number: usize, word: &str| {
         if number > 0 {
-            parts.push(format!("{number} {word}"));
+            parts.push(format!("{} {word}", grouped(number)));
         }
     };
     more(failed, "failed");
@@ -111,7 +120,10 @@ pub fn coverage(coverage: &Coverage) -> String {
     let [[lines, all_lines], [ways, all_ways]] = coverage.totals();
     let part = |some: usize, all: usize| match all {
         0 => "none known".to_owned(),
-        _ => format!("{some} of {all} ({:.1} %)", 100.0 * some as f64 / all as f64),
+        _ => {
+            let percent = 100.0 * some as f64 / all as f64;
+            format!("{} of {} ({percent:.1} %)", grouped(some), grouped(all))
+        }
     };
     let mut out = format!(
         "coverage\n  lines             {}\n  branch directions {}\n",
@@ -128,14 +140,14 @@ pub fn coverage(coverage: &Coverage) -> String {
         // Short lists in full: hit groups and shaders of a whole repository only where never used.
         if !matches!(kind, "hit groups" | "miss shaders" | "callable shaders") {
             for (what, count) in uses.iter().filter(|(_, count)| **count > 0) {
-                let _ = writeln!(out, "    {what}: {count}");
+                let _ = writeln!(out, "    {what}: {}", grouped(count));
             }
         }
         for what in never.iter().take(NAMED) {
             let _ = writeln!(out, "    never: {what}");
         }
         if never.len() > NAMED {
-            let _ = writeln!(out, "    and {} more", never.len() - NAMED);
+            let _ = writeln!(out, "    and {} more", grouped(never.len() - NAMED));
         }
     }
     let unknown = &coverage.without_lines;
@@ -143,13 +155,17 @@ pub fn coverage(coverage: &Coverage) -> String {
         let _ = writeln!(
             out,
             "  {} without lines: compile with debug information (-g)",
-            if unknown.len() == 1 { "1 module".into() } else { format!("{} modules", unknown.len()) }
+            if unknown.len() == 1 {
+                "1 module".into()
+            } else {
+                format!("{} modules", grouped(unknown.len()))
+            }
         );
         for name in unknown.iter().take(NAMED) {
             let _ = writeln!(out, "    {name}");
         }
         if unknown.len() > NAMED {
-            let _ = writeln!(out, "    and {} more", unknown.len() - NAMED);
+            let _ = writeln!(out, "    and {} more", grouped(unknown.len() - NAMED));
         }
     }
     out
@@ -166,6 +182,8 @@ pub(super) fn problem(finished: &Finished, tree: &SourceTree) -> Option<Problem>
     let error = errors.first()?;
     let place = line.map(|line| (line.file.clone(), line.line)).or_else(|| place(error));
     let (file, line) = place.unwrap_or_else(|| (escape::path(&finished.file).to_string(), 1));
+    let places = errors.iter().flat_map(Error::places).map(|(place, _)| place);
+    let columns = { places }.find(|place| place.file_line() == Some((&*file, line))).and_then(Place::columns);
     let mut report = String::new();
     for error in errors {
         report.push_str(&error.render());
@@ -173,16 +191,17 @@ pub(super) fn problem(finished: &Finished, tree: &SourceTree) -> Option<Problem>
     if let Outcome::Failed(failure) = &finished.outcome {
         report.push_str(&around(failure, None));
     }
-    Some(Problem { path: tree.path_of(&file, Some(&finished.file)), line, report })
+    Some(Problem { path: tree.path_of(&file, Some(&finished.file)), line, columns, report })
 }
 
 /// A test that did not pass as a workflow command of GitHub: an annotation of a line.
 pub fn github(test: &TestResult) -> Option<String> {
     let problem = test.problem.as_ref()?;
     Some(format!(
-        "::error file={},line={},title={}::{}\n",
+        "::error file={},line={}{},title={}::{}\n",
         escape::workflow_property(&problem.path),
         problem.line,
+        problem.columns.map_or_else(String::new, |columns| format!(",col={}", columns.start)),
         escape::workflow_property(&test.name),
         escape::workflow_message(problem.report.trim_end())
     ))

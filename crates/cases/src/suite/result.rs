@@ -9,7 +9,8 @@ use crate::coverage::Coverage;
 use crate::shares::{ShareResult, ShareResults, Timings};
 use crate::stability::ShadowFindings;
 use crate::suite::kept_finding::KeptFinding;
-use anyhit_base::error::{Error, ErrorClass, ErrorKind, Result};
+use anyhit_base::count::grouped;
+use anyhit_base::error::{Error, ErrorClass, ErrorKind, Result, SourceColumns};
 use anyhit_base::sorted::{SortedSet, sort_by_key};
 
 /// What the shares of a suite have in common.
@@ -97,6 +98,9 @@ pub struct Problem {
     pub path: String,
     /// The line, from 1.
     pub line: u32,
+    /// The columns in the line, where they are known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub columns: Option<SourceColumns>,
     /// The whole report.
     pub report: String,
 }
@@ -197,6 +201,7 @@ impl SuiteResult {
         let left_out = results.shares().map(|share| share.left_out).fold(0, usize::saturating_add);
         let (found, all) = (places.len().saturating_add(left_out), results.whole().tests);
         if results.missing().is_empty() && found != all {
+            let [found, all] = [found, all].map(grouped);
             return refuse(format!("all shards together have {found} tests, but the suite has {all}"));
         }
         Ok(())

@@ -9,6 +9,7 @@ use crate::bless::bless;
 use crate::coverage::{Coverage, Recorder};
 use crate::expect::Fix;
 use crate::in_order::{in_order, job_count};
+use crate::module_files::module_files;
 use crate::sanitized::check_scene;
 use crate::source_tree::SourceTree;
 use crate::stability::found::ShadowFindings;
@@ -195,6 +196,9 @@ impl Suite {
 /// What is undefined in a scene before it runs; nobody need ask for it, so that it only warns.
 fn known_before(scene: &ResolvedScene, assembled: &Assembled) -> Result<Findings> {
     let mut findings = check_scene(scene, assembled, &scene_levels(&scene.document)?);
+    if !findings.is_empty() {
+        findings = findings.in_modules(&module_files(scene, assembled));
+    }
     findings.warn_of_denied("with `--sanitize`, this is an error, and the run is checked too");
     Ok(findings)
 }

@@ -3,6 +3,7 @@
 use std::fmt::Write;
 
 use crate::suite::{Ended, SuiteResult, report};
+use anyhit_base::count::grouped;
 use anyhit_base::escape;
 
 /// The most tests and pictures that are listed: a page of GitHub holds a mebibyte.
@@ -34,7 +35,7 @@ pub fn summary(result: &SuiteResult) -> String {
         );
     }
     if failed.len() > MOST {
-        let _ = writeln!(out, "\nand {} more", failed.len() - MOST);
+        let _ = writeln!(out, "\nand {} more", grouped(failed.len() - MOST));
     }
     let pictures: Vec<&str> = failed
         .iter()

@@ -9,7 +9,7 @@ use super::places;
 impl Console {
     /// Returns where the last word of a line begins, and the words that it may become.
     pub fn complete(&mut self, line: &str) -> (usize, Vec<String>) {
-        let start = word_start(line, &['-']);
+        let start = line.rfind(char::is_whitespace).map_or(0, |at| at + 1);
         let (before, word) = line.split_at(start);
         let mut before = before.split_whitespace();
         let Some(first) = before.next() else {
@@ -20,8 +20,30 @@ impl Console {
         if !takes_place || before.next().is_some() {
             return self.complete_names(line);
         }
-        let names = self.debugger.sources().function_names();
-        (start, fitting(names.into_iter().chain(places::stage_names().map(str::to_owned)), word))
+        (start, self.complete_place(word))
+    }
+
+    /// Completes a place: a function, a stage, a source file, and behind its colon a line that has
+    /// code.
+    fn complete_place(&self, word: &str) -> Vec<String> {
+        let sources = self.debugger.sources();
+        if let Some((file, digits)) = word.rsplit_once(':') {
+            let mut lines: Vec<u32> = sources.lines_of(file).map(|(_, place)| place.line).collect();
+            sort(&mut lines);
+            lines.dedup();
+            let lines = lines.into_iter().map(|line| line.to_string());
+            return lines
+                .filter(|line| line.starts_with(digits))
+                .map(|line| format!("{file}:{line}"))
+                .collect();
+        }
+        let names = sources.files().iter().map(|file| &*file.name);
+        // The last part of a name means the file, too.
+        let short = |name: &str| name.rsplit(['/', '\\']).next().unwrap_or(name).to_owned();
+        let is_short = !word.contains(['/', '\\']);
+        let files = names.map(|name| (if is_short { short(name) } else { name.to_owned() }) + ":");
+        let stages = places::stage_names().map(str::to_owned);
+        fitting(sources.function_names().into_iter().chain(stages).chain(files), word)
     }
 
     /// As [`Console::complete`], where a line may be an expression, too.
@@ -40,7 +62,7 @@ impl Console {
     /// Completes a word of an expression: behind a dot the members of what is before it, else the
     /// names that are visible in the frame.
     fn complete_names(&mut self, line: &str) -> (usize, Vec<String>) {
-        let start = word_start(line, &[]);
+        let start = word_start(line);
         let (before, word) = line.split_at(start);
         let Ok(frame) = self.selected() else { return (start, Vec::new()) };
         let names = match before.strip_suffix('.').or_else(|| before.strip_suffix("->")) {
@@ -59,9 +81,9 @@ fn fitting(names: impl Iterator<Item = String>, word: &str) -> Vec<String> {
     fitting
 }
 
-/// The byte at which the last word of a text begins, of letters, digits, `_` and some others.
-fn word_start(text: &str, others: &[char]) -> usize {
-    text.trim_end_matches(|c: char| c.is_alphanumeric() || c == '_' || others.contains(&c)).len()
+/// The byte at which the last word of a text begins, of letters, digits and `_`.
+fn word_start(text: &str) -> usize {
+    text.trim_end_matches(|c: char| c.is_alphanumeric() || c == '_').len()
 }
 
 /// The byte at which the last operand of a text begins: a name, a call or something in

@@ -1,6 +1,7 @@
 //! What a traversal does, in words.
 
 use crate::debugger::{instance_verdict_name, is_step_of_traversal, verdict_name};
+use anyhit_base::count::grouped;
 use anyhit_engine::accel::hit::HitPrimitive;
 use anyhit_engine::accel::observer::{InstanceVerdict, PrimitiveVerdict};
 use anyhit_engine::accel::{Committed, TraceRay};
@@ -23,7 +24,7 @@ pub(super) fn list(events: &[Event], matched: Option<usize>) -> String {
     let end = (first + MOST).min(all.len());
     let left_out = |count: usize, place: &str| match count {
         0 => String::new(),
-        count => format!("  ... {count} {place}\n"),
+        count => format!("  ... {} {place}\n", grouped(count)),
     };
     let mut text = left_out(first, "before");
     for (number, event) in &all[first..end] {

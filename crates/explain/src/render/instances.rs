@@ -1,8 +1,9 @@
 //! Renders what a traversal reached: instances and primitives.
 
-use crate::page::{with_plural, with_thousands_separators};
+use crate::page::with_plural;
 use crate::render::{TraversalView, Writer};
 use crate::transcript::{InstanceOutcome, InstanceReport, PrimitiveOutcome, PrimitiveReport, Traversal};
+use anyhit_base::count::grouped;
 use anyhit_base::sorted::{SortedMap, sort_by};
 use anyhit_base::style::Style;
 use anyhit_engine::reflect::value::FloatValue;
@@ -49,7 +50,7 @@ impl Writer<'_> {
         let kind = instance.primitive_kind.as_deref().unwrap_or("no geometry");
         let of = match instance.primitives {
             1 => format!("1 {}", kind.trim_end_matches('s')),
-            count => format!("{} {kind}", with_thousands_separators(count as u64)),
+            count => format!("{} {kind}", grouped(count)),
         };
         let verdict = match instance.verdict {
             InstanceOutcome::Entered => self.page.styled(Style::Good, "entered"),
@@ -95,8 +96,8 @@ impl Writer<'_> {
             nodes => format!("{} of its tree opened, ", with_plural(nodes, "node")),
         };
         let sum = if words.is_empty() { String::new() } else { format!(": {}", words.join(", ")) };
-        let all = with_thousands_separators(instance.primitives as u64);
-        self.page.line(format_args!("  {nodes}{} of {all} primitives tested{sum}", tested.len()));
+        let all = grouped(instance.primitives);
+        self.page.line(format_args!("  {nodes}{} of {all} primitives tested{sum}", grouped(tested.len())));
         let mut shown: Vec<&PrimitiveReport> =
             tested.iter().filter(|one| self.options.all || one.verdict != PrimitiveOutcome::Missed).collect();
         sort_by(&mut shown, |a, b| distance(a).total_cmp(&distance(b)));
@@ -173,7 +174,7 @@ fn outcome_count(verdict: PrimitiveOutcome, count: u64) -> String {
         PrimitiveOutcome::CulledByFace => "culled by face",
         PrimitiveOutcome::Missed => "missed",
     };
-    format!("{} {what}", with_thousands_separators(count))
+    format!("{} {what}", grouped(count))
 }
 
 fn instance_outcome_label(verdict: InstanceOutcome) -> &'static str {

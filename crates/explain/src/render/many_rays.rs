@@ -4,6 +4,7 @@ use crate::render::Writer;
 use crate::summary_words::{counts, label, outcome, primitive};
 use crate::transcript::{ShaderRun, Trace, TranscriptLine};
 use crate::walk::AnyRay;
+use anyhit_base::count::grouped;
 use anyhit_base::style::Style;
 use anyhit_engine::math::array;
 
@@ -72,7 +73,7 @@ impl Writer<'_> {
             ("ray query", _) => "ray queries".to_owned(),
             (what, _) => format!("{what}s"),
         };
-        let head = self.page.styled(Style::Heading, format_args!("{} {plural}", rays.len()));
+        let head = self.page.styled(Style::Heading, format_args!("{} {plural}", grouped(rays.len())));
         let line = table.line.map_or_else(String::new, |line| format!(" at {}:{}", line.file, line.line));
         self.page.line(format_args!("{head} {}{line}: {}", table.verb, counts(&rays)));
         let rows: Vec<[String; 5]> = table
@@ -95,7 +96,7 @@ impl Writer<'_> {
             self.page.line(format_args!("  {number}  {}", cells.join("  ")));
         }
         if let Some(rest) = rays.get(MAX_ROWS..).filter(|rest| !rest.is_empty()) {
-            let text = format!("  ... {} more: {}", rest.len(), counts(rest));
+            let text = format!("  ... {} more: {}", grouped(rest.len()), counts(rest));
             self.page.line(self.page.styled(Style::Faint, text));
         }
         let first = table.rays.first().map_or(0, |(_, number, _)| *number);

@@ -6,6 +6,7 @@ use crate::page::with_plural;
 use crate::render::Writer;
 use crate::render::words::{annotated, change, label, payload_label, source_suffix, value_rows};
 use crate::transcript::{ExitKind, NamedValue, RecordData, RecordMember, ShaderRun};
+use anyhit_base::count::grouped;
 use anyhit_base::style::Style;
 use anyhit_engine::reflect::value::TypedValue;
 
@@ -100,7 +101,7 @@ impl Writer<'_> {
             false => self.executed_lines(&valued, width),
         }
         if rest > 0 && !self.options.all {
-            let text = format!("  {rest} more, which set no variable (--all shows them)");
+            let text = format!("  {} more, which set no variable (--all shows them)", grouped(rest));
             self.page.line(self.page.styled(Style::Faint, text));
         }
     }
@@ -121,7 +122,7 @@ impl Writer<'_> {
         let text = line.text.as_deref().unwrap_or("(source text unknown)");
         let times = match line.count {
             0 | 1 => String::new(),
-            count => format!("  ({count} times)"),
+            count => format!("  ({} times)", grouped(count)),
         };
         let number = self.page.styled(Style::Name, format_args!("{:>5}", line.line));
         let mut values = line.values.iter().map(|value| assigned(value, line.count));
@@ -218,7 +219,7 @@ pub(super) fn width(lines: &[&ExecutedLine]) -> usize {
 fn assigned(value: &AssignedValue, runs: u64) -> String {
     let AssignedValue { name, count, first, last } = value;
     // That of the line is told anyway.
-    let times = if *count == runs { String::new() } else { format!(" ({count} times)") };
+    let times = if *count == runs { String::new() } else { format!(" ({} times)", grouped(count)) };
     match first == last {
         true => format!("{name} = {first}{times}"),
         false => format!("{name} = {first} ... {}{times}", last.content),
