@@ -147,6 +147,8 @@ pub use anyhit_cases::cases;
 #[cfg(feature = "scenes")]
 pub use anyhit_cases::loaded_scene::{LoadedScene, SceneOutcome};
 #[cfg(feature = "scenes")]
+pub use anyhit_cases::many_seeds::compute_test::SeededRuns;
+#[cfg(feature = "scenes")]
 pub use anyhit_cases::smoke::{SmokeOptions, SmokeReport};
 #[cfg(feature = "scenes")]
 pub use anyhit_debugger::ExplainRequest;

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 
 use anyhit_cases::case::Case;
 use anyhit_cases::expect::Expectations;
-use anyhit_cases::many_seeds::{FloatChoices, ManySeeds};
+use anyhit_cases::many_seeds::{FloatChoices, ManySeeds, run_command};
 use anyhit_cases::sanitized::run_sanitized;
 use anyhit_debugger::session::ResolvedRequest;
 use anyhit_engine::machine::ChoiceKind;
@@ -170,7 +170,8 @@ fn many_seeds(scene: &ResolvedScene) -> Result<Findings, anyhit::Error> {
     let about =
         ChoiceKind::ALL.into_iter().filter(|&kind| Some(choices::rule_of(kind).id.as_ref()) == folder);
     let floats = about.map(FloatChoices::that_include).max().unwrap_or_default();
-    ManySeeds { seeds: 0..64, floats, ..ManySeeds::default() }.run(scene, &assemble(scene)?)
+    let command = Some(run_command(scene));
+    ManySeeds { seeds: 0..64, floats, command, ..ManySeeds::default() }.run(scene, &assemble(scene)?)
 }
 
 /// Under the sanitizer, and with drawn choices, nothing is denied but what the scene allows, as it

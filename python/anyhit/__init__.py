@@ -12,6 +12,7 @@ from importlib.util import find_spec as _find_spec
 from ._anyhit import (
     ComputeOutcome,
     ComputeTest,
+    Coverage,
     DeviceBuffers,
     EntryPoint,
     ExecuteCall,
@@ -54,7 +55,8 @@ from .errors import (
     UnsupportedModule,
     UnsupportedTool,
 )
-
+from .picture import Picture
+from .prompt import breakpoint
 
 
 def _find_slangc() -> None:
@@ -75,6 +77,7 @@ _find_slangc()
 __all__ = [
     "ComputeOutcome",
     "ComputeTest",
+    "Coverage",
     "DeviceBuffers",
     "EntryPoint",
     "Error",
@@ -97,6 +100,7 @@ __all__ = [
     "LoadedScene",
     "Module",
     "ModuleBinding",
+    "Picture",
     "Pipeline",
     "Program",
     "Ray",
@@ -113,5 +117,6 @@ __all__ = [
     "UnsupportedModule",
     "UnsupportedTool",
     "__version__",
+    "breakpoint",
     "stress",
 ]

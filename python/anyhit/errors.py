@@ -35,6 +35,8 @@ class Error(Exception):
     anyhit or of this machine."""
 
     def __init__(self, report: str, details: Optional[dict[str, Any]] = None) -> None:
+        if not isinstance(report, str) or not isinstance(details, (dict, type(None))):
+            raise TypeError("an error is made of a report, a str, and of details, a dict")
         super().__init__(report, details)
         self.report: str = report
         """The whole report, with places and notes."""

@@ -6,6 +6,7 @@ Items run in any order and in any process: pytest-xdist may share them (``-n``).
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
 from collections.abc import Iterator
@@ -21,7 +22,7 @@ from _pytest._code.code import (
 )
 
 if TYPE_CHECKING:
-    from . import Finished, Suite
+    from . import Coverage, Finished, Suite
 
 _SCENE = "scene.toml"
 _RAYS = ".test.toml"
@@ -59,6 +60,12 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         help="leave out the explanations of rays beneath failures",
     )
     group.addoption(
+        "--anyhit-coverage",
+        metavar="FILE",
+        help="write which lines and branches of shaders ran, in scene files and in tests of single "
+        "shaders whose source is a file: an lcov tracefile, or Cobertura XML if FILE ends in .xml",
+    )
+    group.addoption(
         "--anyhit-pictures",
         metavar="DIR",
         help="where pictures that differ are saved",
@@ -67,6 +74,69 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 def pytest_configure(config: pytest.Config) -> None:
     config.addinivalue_line("markers", "anyhit: a launch or a ray of a scene file, run by anyhit")
+    _prompt_in(config)
+    if config.getoption("--anyhit-coverage"):
+        from ._anyhit import _record_coverage
+
+        _record_coverage()
+        config.pluginmanager.register(CoverageOfShaders(config), "anyhit-coverage")
+
+
+def _prompt_in(config: pytest.Config) -> None:
+    """Lets the debugger's prompt use the terminal: as pytest's own prompt, it is not captured."""
+    from . import prompt
+
+    capture = config.pluginmanager.getplugin("capturemanager")
+
+    @contextlib.contextmanager
+    def uncaptured() -> Iterator[None]:
+        capture.suspend(in_=True)
+        try:
+            yield
+        finally:
+            capture.resume()
+
+    surroundings = [prompt._no_terminal] if hasattr(config, "workerinput") else [uncaptured] if capture else []
+    before = list(prompt._surroundings)
+    prompt._surroundings.extend(surroundings)
+
+    def put_back() -> None:
+        prompt._surroundings[:] = before
+
+    config.add_cleanup(put_back)
+
+
+class CoverageOfShaders:
+    """Collects what shaders cover, from the processes of pytest-xdist, too, and writes it."""
+
+    def __init__(self, config: pytest.Config) -> None:
+        from . import Coverage
+
+        self._config = config
+        self._sum = Coverage()
+
+    @pytest.hookimpl(hookwrapper=True)
+    def pytest_runtest_makereport(self, item: pytest.Item) -> Iterator[None]:
+        from ._anyhit import _recorded_coverage
+
+        outcome: Any = yield
+        covered = _recorded_coverage()
+        if isinstance(item, CaseItem):
+            covered += item.take_coverage()
+        outcome.get_result().anyhit_coverage = covered.json()
+
+    def pytest_runtest_logreport(self, report: Any) -> None:
+        from . import Coverage
+
+        if hasattr(report, "anyhit_coverage"):
+            self._sum += Coverage(report.anyhit_coverage)
+
+    def pytest_terminal_summary(self, terminalreporter: Any) -> None:
+        file = self._config.getoption("--anyhit-coverage")
+        self._sum.write(file)
+        terminalreporter.section("coverage of shaders")
+        terminalreporter.write(self._sum.summary())
+        terminalreporter.write_line(f"written to {file}")
 
 
 def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> Optional[SceneFile]:
@@ -109,7 +179,15 @@ class CaseItem(pytest.Item):
         super().__init__(**kwargs)
         self._suite = suite
         self._at = at
+        self._coverage: Optional[Coverage] = None
         self.add_marker("anyhit")
+
+    def take_coverage(self) -> Coverage:
+        """What it covered since the last call."""
+        from . import Coverage
+
+        covered, self._coverage = self._coverage, None
+        return covered or Coverage()
 
     def runtest(self) -> None:
         option = self.config.getoption
@@ -121,7 +199,9 @@ class CaseItem(pytest.Item):
             all_widths=option("--anyhit-all-widths"),
             explanation=not option("--anyhit-no-explanation"),
             pictures=option("--anyhit-pictures"),
+            coverage=option("--anyhit-coverage") is not None,
         )
+        self._coverage = finished.coverage
         if finished.outcome == "known failure":
             pytest.xfail(finished.text)
         if finished.outcome != "passed":

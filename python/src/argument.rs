@@ -4,14 +4,16 @@
 
 use std::path::PathBuf;
 
+use numpy::PyUntypedArray;
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
-use pyo3::types::{PyBool, PyByteArray, PyBytes, PyDict, PyMemoryView, PyString};
+use pyo3::types::{PyBool, PyBytes, PyDict, PyString};
 
-use crate::array::shape_text;
+use crate::array::{buffer_of, is_untyped, shape_text};
 use crate::device_buffers::DeviceBuffers;
 use crate::error::{invalid, invalid_type};
 use crate::instance::{Hit, Instance, Ray};
+use crate::loaded_scene::PixelOrRay;
 use crate::module::{Module, Program, Shader};
 use crate::numbers::{Number, rectangular};
 use crate::pipeline::HitGroup;
@@ -103,11 +105,17 @@ pub(crate) fn bytes_of(given: &Bound<'_, PyAny>) -> PyResult<Option<Vec<u8>>> {
     if let Ok(bytes) = given.cast::<PyBytes>() {
         return Ok(Some(bytes.as_bytes().to_vec()));
     }
-    if given.is_instance_of::<PyByteArray>() || given.is_instance_of::<PyMemoryView>() {
-        let bytes = given.py().get_type::<PyBytes>().call1((given,))?;
-        return Ok(Some(bytes.cast::<PyBytes>().map_err(PyErr::from)?.as_bytes().to_vec()));
+    // An array of numpy is one.
+    if given.is_instance_of::<PyUntypedArray>() {
+        return Ok(None);
     }
-    Ok(None)
+    match buffer_of(given)? {
+        Some(view) if is_untyped(&view)? => {
+            let bytes = view.call_method0("tobytes")?;
+            Ok(Some(bytes.cast::<PyBytes>().map_err(PyErr::from)?.as_bytes().to_vec()))
+        }
+        _ => Ok(None),
+    }
 }
 
 impl Argument for Bytes {
@@ -123,13 +131,39 @@ impl<T: Argument> Argument for Option<T> {
     }
 }
 
+/// The most elements of a list of arguments: an iterator may have no end.
+const MAX_ITEMS: usize = 1 << 24;
+/// The most elements of a list of any objects, such as data of records.
+const MAX_OBJECTS: usize = 1 << 20;
+
+/// The elements of an iterable object, of which an error ends too many.
+pub(crate) fn items<'py>(
+    name: &str,
+    given: &Bound<'py, PyAny>,
+    most: usize,
+) -> PyResult<impl Iterator<Item = PyResult<Bound<'py, PyAny>>>> {
+    let all = given.try_iter().ok().filter(|_| !is_whole(given));
+    let all = all.ok_or_else(|| wrong_class(name, "a list", given))?;
+    let too_many = format!("{name}: more than {most} elements");
+    Ok(all.take(most + 1).enumerate().map(move |(at, item)| match at == most {
+        true => Err(invalid(too_many.as_str())),
+        false => item,
+    }))
+}
+
 /// Objects of any class.
 pub(crate) struct Objects(pub(crate) Vec<Py<PyAny>>);
 
+impl Objects {
+    /// The default of an argument that is a list.
+    pub(crate) fn none() -> Self {
+        Self(Vec::new())
+    }
+}
+
 impl Argument for Objects {
     fn of(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Self> {
-        let items = given.try_iter().ok().filter(|_| !is_whole(given));
-        let items = items.ok_or_else(|| wrong_class(name, "a list", given))?;
+        let items = items(name, given, MAX_OBJECTS)?;
         Ok(Self(items.map(|item| Ok(item?.unbind())).collect::<PyResult<_>>()?))
     }
 }
@@ -144,14 +178,13 @@ fn is_whole(given: &Bound<'_, PyAny>) -> bool {
 /// A list of arguments, of any iterable but a text or a dict.
 impl<T: Argument> Argument for Vec<T> {
     fn of(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Self> {
-        let items = given.try_iter().ok().filter(|_| !is_whole(given));
-        let items = items.ok_or_else(|| match T::of(name, given) {
+        let items = items(name, given, MAX_ITEMS).map_err(|error| match T::of(name, given) {
             // One in place of a list of one.
             Ok(_) => invalid_type(format!(
                 "{name}: expected a list, found {0}: write `{name}=[...]`",
                 class(given)
             )),
-            Err(_) => wrong_class(name, "a list", given),
+            Err(_) => error,
         })?;
         items.enumerate().map(|(at, item)| T::of(&format!("{name}[{at}]"), &item?)).collect()
     }
@@ -238,6 +271,8 @@ arguments! {
     address: u64,
     all_widths: bool,
     at: usize,
+    binding: u32,
+    binding_type as type_: String,
     attributes: [f32; 2],
     buffers: Buffers,
     by: [f32; 3],
@@ -247,7 +282,9 @@ arguments! {
     cluster_id: u32,
     commands: String,
     compiler_flags as flags: Vec<String>,
+    colours: bool,
     count: usize,
+    coverage: bool,
     cull_mask: u8,
     custom_index: u32,
     degrees: f32,
@@ -272,6 +309,9 @@ arguments! {
     instance_index as instance: usize,
     instances: Vec<Instance>,
     instructions: u64,
+    json: Option<String>,
+    level: u32,
+    levels: Objects,
     many_seeds: Option<u64>,
     mask: u8,
     max_recursion: Option<u32>,
@@ -291,6 +331,7 @@ arguments! {
     path: PathBuf,
     perturb: Option<u32>,
     pictures: Option<PathBuf>,
+    port: Option<u32>,
     position: [f32; 3],
     precision: String,
     radius: f32,
@@ -300,6 +341,8 @@ arguments! {
     sanitize: bool,
     sbt_offset: u32,
     sbt_stride: u32,
+    set: u32,
+    stage: String,
     scene: Scene,
     seed: u64,
     seeds: u64,
@@ -315,6 +358,8 @@ arguments! {
     two_ends as positions: Vertices<2>,
     two_radii as radii: [f32; 2],
     vertices: Vertices<3>,
+    what: PixelOrRay,
+    what_or_default as what: Option<PixelOrRay>,
     width: u32,
     x: u32,
     y: u32,

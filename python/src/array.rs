@@ -4,19 +4,22 @@
 use anyhit_unit_test::data::HostBytes;
 use numpy::{Element, PyArrayDescrMethods, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn};
 use numpy::{PyUntypedArray, PyUntypedArrayMethods};
+use pyo3::exceptions::{PyBufferError, PyRuntimeError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
-use pyo3::types::PyType;
+use pyo3::types::{PyList, PyMemoryView, PyTuple, PyType};
 
 use crate::argument::{bytes_of, class, wrong_class};
 use crate::dtype::{check_byte_order, host_type};
 use crate::error::invalid;
 use crate::numbers::{Number, rectangular};
 
-/// An array of numpy, or of an object that has one: by `__array__` (tensors of a CPU), or an
-/// `array.array`; `None` for another object.
+/// An array of numpy, or of an object that has one: by `__array__`, DLPack (tensors of a CPU) or
+/// the buffer protocol (`array.array`, `ctypes`, a typed `memoryview`); `None` for another object,
+/// and for `bytes` and other buffers of bytes, which have no type.
 ///
 /// # Errors
-/// `InvalidArgument` for an array with a mask, whose masked numbers are none.
+/// `InvalidArgument` for an array with a mask, whose masked numbers are none, and for an object
+/// that gives no array.
 pub(crate) fn array_of<'py>(
     name: &str,
     given: &Bound<'py, PyAny>,
@@ -27,13 +30,56 @@ pub(crate) fn array_of<'py>(
         }
         return Ok(Some(array.clone()));
     }
-    let has_array = !given.is_instance_of::<PyType>()
-        && (given.hasattr("__array__")? || class(given) == "array" && given.hasattr("typecode")?);
-    if !has_array {
+    // What is common and has none.
+    if given.is_instance_of::<PyList>() || given.is_instance_of::<PyTuple>() || given.is_none() {
         return Ok(None);
     }
-    let array = given.py().import("numpy")?.call_method1("asarray", (given,))?;
-    Ok(Some(array.cast_into::<PyUntypedArray>()?))
+    let numpy = given.py().import("numpy")?;
+    let is_class = given.is_instance_of::<PyType>();
+    let array = if !is_class && given.hasattr("__array__")? {
+        numpy.call_method1("asarray", (given,))
+    } else if !is_class && given.hasattr("__dlpack__")? {
+        numpy.call_method1("from_dlpack", (given,))
+    } else {
+        match buffer_of(given)? {
+            Some(view) if !is_untyped(&view)? => numpy.call_method1("asarray", (view,)),
+            _ => return Ok(None),
+        }
+    };
+    let array = array.map_err(|error| named(name, given.py(), error))?;
+    let array = array
+        .cast_into::<PyUntypedArray>()
+        .map_err(|error| wrong_class(name, "an array from `__array__`", &error.into_inner()))?;
+    Ok(Some(array))
+}
+
+/// An error of NumPy or of an object about an argument with a name.
+fn named(name: &str, py: Python<'_>, error: PyErr) -> PyErr {
+    let is_about_argument = [
+        error.is_instance_of::<PyTypeError>(py),
+        error.is_instance_of::<PyValueError>(py),
+        error.is_instance_of::<PyBufferError>(py),
+        error.is_instance_of::<PyRuntimeError>(py),
+    ];
+    match is_about_argument.contains(&true) {
+        true => invalid(format!("{name}: {}", error.value(py))),
+        false => error,
+    }
+}
+
+/// The memory of an object with the buffer protocol; `None` for one without.
+pub(crate) fn buffer_of<'py>(given: &Bound<'py, PyAny>) -> PyResult<Option<Bound<'py, PyMemoryView>>> {
+    match PyMemoryView::from(given) {
+        Ok(view) => Ok(Some(view)),
+        Err(error) if error.is_instance_of::<PyTypeError>(given.py()) => Ok(None),
+        Err(error) => Err(invalid(error.to_string())),
+    }
+}
+
+/// Returns whether a buffer consists of bytes.
+pub(crate) fn is_untyped(view: &Bound<'_, PyMemoryView>) -> PyResult<bool> {
+    let format: String = view.getattr("format")?.extract()?;
+    Ok(matches!(format.trim_start_matches(['@', '=', '<', '>', '!']), "B" | "b" | "c"))
 }
 
 /// The array of an argument, C-contiguous and of this dtype.

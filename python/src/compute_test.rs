@@ -2,25 +2,27 @@
 
 use std::sync::Arc;
 
-use anyhit::{Descriptor, StructData};
+use anyhit::SeededRuns;
 use anyhit_engine::machine::Binding;
 use anyhit_unit_test::data::HostBytes;
 use numpy::{PyUntypedArray, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyInt};
 
-use crate::argument::{self, Argument, Buffers, wrong_class};
+use crate::argument::{self, Argument, items, wrong_class};
+use crate::bound::{block, reads_what_is_bound};
+use crate::copies::never_changes;
+use crate::coverage::counted;
+use crate::debugger::Prompt;
 use crate::dtype::buffer_array;
 use crate::error::raised;
-use crate::images::{TexelArray, declared};
+use crate::given::binds_resources;
 use crate::module::{Module, Program};
-use crate::outcome::{block, buffer, image, printed, read_buffer, stats};
+use crate::outcome::{printed, stats};
 use crate::place::{Place, split_with};
 use crate::run::run;
-use crate::sampler::Sampler;
-use crate::scene::{Scene, buffer_bytes, filled};
+use crate::scene::{Scene, buffer_bytes};
 use crate::used::Use;
-use crate::value::to_python;
 
 /// A compute shader with what it has bound, and how many workgroups of it run. A test is a value:
 /// methods return a test that also has what they are given. Set and binding may be the name of a
@@ -80,13 +82,18 @@ fn groups_of(given: &Bound<'_, PyAny>) -> PyResult<[u32; 3]> {
         return Ok([u32::of("groups", given)?, 1, 1]);
     }
     let mut groups = [1; 3];
-    let all = Vec::<u32>::of("groups", given)?;
+    let items =
+        items("groups", given, 4).map_err(|_| wrong_class("groups", "int or up to three of them", given))?;
+    let all: Vec<u32> = items.map(|one| u32::of("groups", &one?)).collect::<PyResult<_>>()?;
     if all.is_empty() || all.len() > 3 {
         return Err(wrong_class("groups", "int or up to three of them", given));
     }
     groups[..all.len()].copy_from_slice(&all);
     Ok(groups)
 }
+
+/// The most outputs of a test.
+const MAX_OUTPUTS: usize = 1 << 16;
 
 /// The keys of outputs, and what their buffers begin with, where that is given.
 type Outputs<'py> = Vec<(Bound<'py, PyAny>, Option<Bound<'py, PyAny>>)>;
@@ -95,9 +102,8 @@ fn outputs_of<'py>(given: &Bound<'py, PyAny>) -> PyResult<Outputs<'py>> {
     if let Ok(dict) = given.cast::<PyDict>() {
         return Ok(dict.iter().map(|(key, data)| (key, Some(data))).collect());
     }
-    let is_text = given.is_instance_of::<pyo3::types::PyString>();
-    let keys = given.try_iter().ok().filter(|_| !is_text);
-    let keys = keys.ok_or_else(|| wrong_class("outputs", "a dict or a list of bindings", given))?;
+    let keys = items("outputs", given, MAX_OUTPUTS);
+    let keys = keys.map_err(|_| wrong_class("outputs", "a dict or a list of bindings", given))?;
     keys.map(|key| Ok((key?, None))).collect()
 }
 
@@ -145,71 +151,6 @@ impl ComputeTest {
         Ok(self.with("scene", |test| test.scene(at.set, at.binding, &scene.scene)))
     }
 
-    /// Binds a storage or uniform buffer: an array, C-contiguous, whose dtype and shape are
-    /// compared with what the shader declares; `bytes` or an array of `uint8`, which are not; or a
-    /// dict by the names of its members.
-    #[pyo3(signature = (set, binding=None, data=None))]
-    fn buffer(
-        &self,
-        set: &Bound<'_, PyAny>,
-        binding: Option<&Bound<'_, PyAny>>,
-        data: Option<&Bound<'_, PyAny>>,
-    ) -> PyResult<Self> {
-        let (place, data) = split_with("data", set, binding, data)?;
-        let (at, bytes) = self.bytes(&place, data)?;
-        Ok(self.with("buffer", |test| test.buffer_of(at.set, at.binding, bytes)))
-    }
-
-    /// Binds a storage or sampled image, as `ShaderTest.image` does.
-    #[pyo3(signature = (set, binding=None, texels=None, format=None, sampler=None))]
-    fn image(
-        &self,
-        set: &Bound<'_, PyAny>,
-        binding: Option<&Bound<'_, PyAny>>,
-        texels: Option<&Bound<'_, PyAny>>,
-        #[pyo3(from_py_with = argument::format)] format: Option<String>,
-        #[pyo3(from_py_with = argument::of_sampler)] sampler: Option<Sampler>,
-    ) -> PyResult<Self> {
-        let (place, texels) = split_with("texels", set, binding, texels)?;
-        let at = self.binding(&place)?;
-        let image = TexelArray::of(texels, format.as_deref())?.image(declared([&self.program], at))?;
-        Ok(self.with("image", |test| match sampler {
-            Some(sampler) => test.image_sampler(at.set, at.binding, image, sampler.sampler),
-            None => test.image(at.set, at.binding, image),
-        }))
-    }
-
-    /// Binds a sampler.
-    #[pyo3(signature = (set, binding=None, sampler=None))]
-    fn sampler(
-        &self,
-        set: &Bound<'_, PyAny>,
-        binding: Option<&Bound<'_, PyAny>>,
-        sampler: Option<&Bound<'_, PyAny>>,
-    ) -> PyResult<Self> {
-        let (place, sampler) = split_with("sampler", set, binding, sampler)?;
-        let sampler = Descriptor::Sampler(Arc::new(Sampler::of("sampler", sampler)?.sampler));
-        let at = self.binding(&place)?;
-        Ok(self.with("sampler", |test| test.descriptor(at.set, at.binding, sampler)))
-    }
-
-    /// Puts buffers at their device addresses, for shaders that reach them by pointers.
-    fn device_buffers(&self, #[pyo3(from_py_with = argument::buffers)] buffers: Buffers) -> Self {
-        self.with("device_buffers", |test| test.device_buffers(&buffers.0))
-    }
-
-    /// Sets the push constants, by the names of their members.
-    fn push_constants(&self, values: &Bound<'_, PyAny>) -> PyResult<Self> {
-        let data = StructData::push_constants(&self.module.module).map_err(raised)?;
-        let data = filled(data, "values", values)?;
-        Ok(self.with("push_constants", |test| test.push_constants_data(&data)))
-    }
-
-    /// Sets how many instructions an invocation may execute.
-    fn fuel(&self, #[pyo3(from_py_with = argument::instructions)] instructions: u64) -> Self {
-        self.with("fuel", |test| test.fuel(instructions))
-    }
-
     /// Sets `SubgroupSize`: a power of two from 1 to 128.
     fn subgroup_size(&self, #[pyo3(from_py_with = argument::subgroup_size)] size: u32) -> PyResult<Self> {
         let test = self.test.clone().subgroup_size(size).map_err(raised)?;
@@ -250,7 +191,8 @@ impl ComputeTest {
         if let Some(groups) = groups {
             test.test = test.test.workgroups(groups_of(groups)?);
         }
-        let outcome = run(py, || test.test.run())?;
+        let one = &test.test;
+        let outcome = run(py, || counted(&self.program, || one.run(), |counts| one.run_counted(counts)))?;
         let programs = [self.program.clone()];
         let Some(outputs) = outputs else {
             return Ok(Bound::new(py, ComputeOutcome { outcome, programs })?.into_any());
@@ -268,6 +210,25 @@ impl ComputeTest {
             arrays.set_item(key, array)?;
         }
         Ok(arrays.into_any())
+    }
+
+    /// Runs all workgroups once more for each of so many seeds, from which is drawn what the
+    /// specifications leave open: the order of invocations, what memory of workgroups holds before
+    /// it is written. Returns the reports of differences that are only warned of.
+    fn many_seeds(
+        &self,
+        py: Python<'_>,
+        #[pyo3(from_py_with = argument::seeds)] seeds: u64,
+    ) -> PyResult<Vec<String>> {
+        self.used.mark();
+        Ok(run(py, || self.test.many_seeds(seeds))?.iter().map(anyhit::Error::render).collect())
+    }
+
+    /// Explains an invocation, given by its `GlobalInvocationId`: its builtins, its ray queries,
+    /// its last lines and what it changed in memory.
+    fn explain(&self, py: Python<'_>, #[pyo3(from_py_with = argument::id)] id: [u32; 3]) -> PyResult<String> {
+        self.used.mark();
+        run(py, || self.test.explain(id))
     }
 
     /// Runs all workgroups under the sanitizer. Returns the reports of what it only warns of.
@@ -288,10 +249,23 @@ impl ComputeTest {
         run(py, || self.test.debug(id, &commands))
     }
 
+    /// Runs the workgroup of an invocation in the debugger, which `read` gives commands.
+    fn _debug_with(
+        &self,
+        #[pyo3(from_py_with = argument::id)] id: [u32; 3],
+        read: &Bound<'_, PyAny>,
+        #[pyo3(from_py_with = argument::colours)] colours: bool,
+    ) -> PyResult<()> {
+        self.used.mark();
+        Prompt { read, colours }.run(|| self.test.debugger(id))
+    }
+
     fn __repr__(&self) -> String {
         format!("<anyhit.ComputeTest: {}>", self.program.name)
     }
 }
+
+binds_resources!(ComputeTest);
 
 /// Results of a dispatch.
 #[pyclass(frozen, module = "anyhit")]
@@ -314,70 +288,11 @@ impl ComputeOutcome {
         printed(&self.outcome.printed)
     }
 
-    /// An image: an array of float32, (height, width, 4), or of the integers that it holds.
-    #[pyo3(signature = (set, binding=None))]
-    fn image<'py>(
-        &self,
-        py: Python<'py>,
-        set: &Bound<'py, PyAny>,
-        binding: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<Bound<'py, PyAny>> {
-        image(py, (set, binding), &self.programs, |set, binding| self.outcome.image(set, binding))
-    }
-
-    /// A buffer by the names of its members.
-    #[pyo3(signature = (set, binding=None))]
-    fn buffer<'py>(
-        &self,
-        py: Python<'py>,
-        set: &Bound<'py, PyAny>,
-        binding: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<Bound<'py, PyAny>> {
-        let bytes = |set, binding| self.outcome.buffer_bytes(set, binding);
-        let read = |set, binding| self.outcome.buffer(set, binding);
-        buffer(py, (set, binding), &self.programs, read, bytes)
-    }
-
-    /// A buffer as an array of a dtype; without one, of the type that the shader declares.
-    #[pyo3(signature = (set, binding=None, dtype=None))]
-    fn read_buffer<'py>(
-        &self,
-        py: Python<'py>,
-        set: &Bound<'py, PyAny>,
-        binding: Option<&Bound<'py, PyAny>>,
-        dtype: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<Bound<'py, PyAny>> {
-        let read = |set, binding| self.outcome.buffer_bytes(set, binding);
-        read_buffer(py, (set, binding, dtype), &self.programs, read)
-    }
-
-    /// The buffer at a device address, from that address on, as an array of a dtype; of its bytes
-    /// without one.
-    #[pyo3(signature = (address, dtype=None))]
-    fn read_buffer_at<'py>(
-        &self,
-        py: Python<'py>,
-        #[pyo3(from_py_with = argument::address)] address: u64,
-        dtype: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<Bound<'py, PyAny>> {
-        buffer_array(py, self.outcome.read_buffer_at::<u8>(address).map_err(raised)?, dtype, None)
-    }
-
-    /// What lies at a device address by the names of its members, as the type of the first pointer
-    /// that leads there.
-    fn buffer_at<'py>(
-        &self,
-        py: Python<'py>,
-        #[pyo3(from_py_with = argument::address)] address: u64,
-    ) -> PyResult<Bound<'py, PyAny>> {
-        to_python(py, &self.outcome.buffer_at(address).map_err(raised)?)
-    }
-
-    fn __eq__(&self, other: &Self) -> bool {
-        self.outcome == other.outcome
-    }
-
     fn __repr__(&self) -> String {
         format!("<anyhit.ComputeOutcome: {} printed lines>", self.outcome.printed.len())
     }
 }
+
+reads_what_is_bound!(ComputeOutcome);
+
+never_changes!(ComputeTest);

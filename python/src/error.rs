@@ -82,16 +82,9 @@ fn details<'py>(py: Python<'py>, error: &Error) -> PyResult<Bound<'py, PyDict>> 
 
 /// File, line and column of a place; of a word of a module nothing.
 pub(crate) fn span(place: &Place) -> Option<(String, u32, u32)> {
-    match place {
-        Place::Text { file, text, span } => {
-            let before = text.get(..span.start).unwrap_or(text);
-            let start = before.rfind('\n').map_or(0, |at| at + 1);
-            let line = before.matches('\n').count() + 1;
-            let column = before[start..].chars().count() + 1;
-            Some((file.clone(), line as u32, column as u32))
-        }
-        Place::Line { file, line, column } => Some((file.clone(), *line, *column)),
-        Place::File(path) => Some((path.display().to_string(), 0, 0)),
+    match (place, place.file_line()) {
+        (_, Some((file, line))) => Some((file.to_owned(), line, place.column().unwrap_or(0))),
+        (Place::File(path), None) => Some((path.display().to_string(), 0, 0)),
         _ => None,
     }
 }

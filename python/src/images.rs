@@ -12,6 +12,7 @@ use anyhit_scene::image::format_named;
 use numpy::{PyArrayDescr, PyArrayDescrMethods, PyUntypedArray, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 
+use crate::argument::Objects;
 use crate::array::{from_bytes, shape_text, slice, typed};
 use crate::error::{invalid, raised};
 use crate::numbers::Number;
@@ -36,13 +37,15 @@ pub(crate) fn declared<'a>(
     })
 }
 
-/// Numbers of an array, one for each component of a texel.
+/// The numbers of an array: as a shader writes them, bits of a binary32 or integers extended to 64
+/// bits; and the lengths of the array.
+type Numbers = (Vec<u64>, Vec<usize>);
+
+/// Numbers of arrays, one for each component of a texel.
 #[derive(Clone)]
 pub(crate) struct TexelArray {
-    /// The lengths of the array.
-    lengths: Vec<usize>,
-    /// As a shader writes them: bits of a binary32, or integers extended to 64 bits.
-    words: Arc<[u64]>,
+    /// The mip levels, the largest first.
+    levels: Arc<[Numbers]>,
     class: Class,
     is_wide: bool,
     /// The format that the caller names.
@@ -51,8 +54,8 @@ pub(crate) struct TexelArray {
 
 impl TexelArray {
     /// The texels of an array of float32, or of uint32, int32, uint64 or int64, with the name of a
-    /// format or without one.
-    pub(crate) fn of(texels: &Bound<'_, PyAny>, format: Option<&str>) -> PyResult<Self> {
+    /// format or without one, and of arrays of the same type for further mip levels.
+    pub(crate) fn of(texels: &Bound<'_, PyAny>, format: Option<&str>, levels: &Objects) -> PyResult<Self> {
         let format = format.map(named).transpose()?;
         let given = match (format, texels.cast::<PyUntypedArray>()) {
             (Some(format), _) => (format.class(), format.is_wide()),
@@ -66,14 +69,18 @@ impl TexelArray {
             (None, Err(_)) => (Class::Float, false),
         };
         let (class, is_wide) = given;
-        let (words, lengths) = match given {
-            (Class::Float, _) => words::<f32>(texels, |number| number.to_bits().into()),
-            (Class::Uint, false) => words::<u32>(texels, u64::from),
-            (Class::Uint, true) => words::<u64>(texels, |number| number),
-            (Class::Sint, false) => words::<i32>(texels, |number| i64::from(number) as u64),
-            (Class::Sint, true) => words::<i64>(texels, |number| number as u64),
-        }?;
-        Ok(Self { lengths, words: words.into(), class, is_wide, format })
+        let numbers = |name: &str, texels: &Bound<'_, PyAny>| match given {
+            (Class::Float, _) => words::<f32>(name, texels, |number| number.to_bits().into()),
+            (Class::Uint, false) => words::<u32>(name, texels, u64::from),
+            (Class::Uint, true) => words::<u64>(name, texels, |number| number),
+            (Class::Sint, false) => words::<i32>(name, texels, |number| i64::from(number) as u64),
+            (Class::Sint, true) => words::<i64>(name, texels, |number| number as u64),
+        };
+        let mut all = vec![numbers("texels", texels)?];
+        for (at, level) in levels.0.iter().enumerate() {
+            all.push(numbers(&format!("levels[{at}]"), level.bind(texels.py()))?);
+        }
+        Ok(Self { levels: all.into(), class, is_wide, format })
     }
 
     /// The image, as a shader declares it; a plane of 32-bit components where none does.
@@ -96,53 +103,72 @@ impl TexelArray {
             )));
         }
         let dimension = declared.map_or(Dimension::D2, |declared| declared.dimension);
-        let (shape, channels) = self.shape(dimension, format)?;
         let (size, is_signed) = (format.texel_size() as usize, format.class() == Class::Sint);
         let one = if self.class == Class::Float { u64::from(1f32.to_bits()) } else { 1 };
-        let mut bytes = Vec::with_capacity(self.words.len() / channels * size);
-        for own in self.words.chunks_exact(channels) {
-            let mut texel = [0, 0, 0, one];
-            texel[..channels].copy_from_slice(own);
-            bytes.extend_from_slice(&format.encode(texel, is_signed).to_le_bytes()[..size]);
+        let (mut shape, mut bytes) = (None, Vec::new());
+        for (number, (words, lengths)) in (0_u32..).zip(&*self.levels) {
+            let name = number.checked_sub(1).map_or("texels".to_owned(), |at| format!("levels[{at}]"));
+            let (own, channels) = shape_of(&name, lengths, dimension, format)?;
+            let whole = *shape.get_or_insert(own);
+            let extent = whole.level_extent(number);
+            if (own.extent, own.layers) != (extent, whole.layers) {
+                let found = shape_text(lengths);
+                let sides = sides_of(&ImageShape { extent, ..whole });
+                let wanted: Vec<String> = sides.iter().map(ToString::to_string).collect();
+                let wanted = wanted.join(", ");
+                return Err(invalid(format!("{name}: an array of shape {found}, not ({wanted}, 4)")));
+            }
+            bytes.reserve(words.len() / channels * size);
+            for own in words.chunks_exact(channels) {
+                let mut texel = [0, 0, 0, one];
+                texel[..channels].copy_from_slice(own);
+                bytes.extend_from_slice(&format.encode(texel, is_signed).to_le_bytes()[..size]);
+            }
         }
+        let levels = self.levels.len() as u32;
+        let shape = ImageShape { levels, ..shape.unwrap_or(ImageShape::plane(0, 0)) };
         Image::new(format, shape, &bytes).map_err(raised)
     }
+}
 
-    /// The shape of an image of a dimension, and how many numbers a texel has.
-    fn shape(&self, dimension: Dimension, format: Format) -> PyResult<(ImageShape, usize)> {
-        let sides: &[&str] = match dimension {
-            Dimension::D1 | Dimension::Buffer => &["width"],
-            Dimension::D1Array => &["layers", "width"],
-            Dimension::D2 => &["height", "width"],
-            Dimension::D3 => &["depth", "height", "width"],
-            Dimension::Cube => &["6", "height", "width"],
-            _ => &["layers", "height", "width"],
-        };
-        let axes = dimension.axes();
-        let wrong = || {
-            let lengths = shape_text(&self.lengths);
-            let sides = sides.join(", ");
-            invalid(format!("texels: an array of shape {lengths}, not ({sides}, 4) or ({sides})"))
-        };
-        let channels = match self.lengths.len().checked_sub(sides.len()) {
-            // One component, without an axis of its own.
-            Some(0) if format.channels == 1 => 1,
-            Some(1) => *self.lengths.last().unwrap_or(&0),
-            _ => return Err(wrong()),
-        };
-        if !(1..=4).contains(&channels) {
-            return Err(wrong());
-        }
-        let side =
-            |length: usize| u32::try_from(length).map_err(|_| invalid("texels: the array is too large"));
-        let lengths: Vec<u32> =
-            self.lengths[..sides.len()].iter().map(|&one| side(one)).collect::<Result<_, _>>()?;
-        let (layers, own) = lengths.split_at(sides.len() - axes);
-        let mut extent = [1; 3];
-        own.iter().rev().zip(&mut extent).for_each(|(&length, to)| *to = length);
-        let layers = layers.first().copied().unwrap_or(1);
-        Ok((ImageShape { dimension, extent, layers, levels: 1, samples: 1 }, channels))
+/// The shape of a level of an image of a dimension, and how many numbers a texel has.
+fn shape_of(
+    name: &str,
+    all: &[usize],
+    dimension: Dimension,
+    format: Format,
+) -> PyResult<(ImageShape, usize)> {
+    let sides: &[&str] = match dimension {
+        Dimension::D1 | Dimension::Buffer => &["width"],
+        Dimension::D1Array => &["layers", "width"],
+        Dimension::D2 => &["height", "width"],
+        Dimension::D3 => &["depth", "height", "width"],
+        Dimension::Cube => &["6", "height", "width"],
+        _ => &["layers", "height", "width"],
+    };
+    let axes = dimension.axes();
+    let wrong = || {
+        let lengths = shape_text(all);
+        let sides = sides.join(", ");
+        invalid(format!("{name}: an array of shape {lengths}, not ({sides}, 4) or ({sides})"))
+    };
+    let channels = match all.len().checked_sub(sides.len()) {
+        // One component, without an axis of its own.
+        Some(0) if format.channels == 1 => 1,
+        Some(1) => *all.last().unwrap_or(&0),
+        _ => return Err(wrong()),
+    };
+    if !(1..=4).contains(&channels) {
+        return Err(wrong());
     }
+    let side =
+        |length: usize| u32::try_from(length).map_err(|_| invalid(format!("{name}: the array is too large")));
+    let lengths: Vec<u32> = all[..sides.len()].iter().map(|&one| side(one)).collect::<Result<_, _>>()?;
+    let (layers, own) = lengths.split_at(sides.len() - axes);
+    let mut extent = [1; 3];
+    own.iter().rev().zip(&mut extent).for_each(|(&length, to)| *to = length);
+    let layers = layers.first().copied().unwrap_or(1);
+    Ok((ImageShape { dimension, extent, layers, levels: 1, samples: 1 }, channels))
 }
 
 /// The format with a name of GLSL.
@@ -154,9 +180,9 @@ fn named(name: &str) -> PyResult<Format> {
 }
 
 /// The numbers of an array as words, and its lengths.
-fn words<T: Number>(texels: &Bound<'_, PyAny>, word: impl Fn(T) -> u64) -> PyResult<(Vec<u64>, Vec<usize>)> {
-    let array = typed::<T>("texels", texels)?;
-    let words = slice("texels", &array)?.iter().map(|&number| word(number)).collect();
+fn words<T: Number>(name: &str, texels: &Bound<'_, PyAny>, word: impl Fn(T) -> u64) -> PyResult<Numbers> {
+    let array = typed::<T>(name, texels)?;
+    let words = slice(name, &array)?.iter().map(|&number| word(number)).collect();
     Ok((words, array.shape().to_vec()))
 }
 
@@ -171,16 +197,34 @@ fn dtype(class: Class, is_wide: bool) -> &'static str {
     }
 }
 
-/// R, G, B and A of all texels of the first level, as a shader reads them: an array (height, width,
-/// 4) of float32, or of the integers that the format holds. Images of other dimensions have their
-/// own axes in front of the last.
-pub(crate) fn texels<'py>(py: Python<'py>, texels: &Texels) -> PyResult<Bound<'py, PyAny>> {
+/// Layers, depth, height and width of an image, as far as its dimension has them.
+fn sides_of(shape: &ImageShape) -> Vec<u32> {
+    let [x, y, z] = shape.extent;
+    let mut sides = match shape.dimension.axes() {
+        1 => vec![x],
+        2 => vec![y, x],
+        _ => vec![z, y, x],
+    };
+    if shape.dimension.is_arrayed() || shape.dimension.is_cube() {
+        sides.insert(0, shape.layers);
+    }
+    sides
+}
+
+/// R, G, B and A of all texels of a mip level, as a shader reads them: an array (height, width, 4)
+/// of float32, or of the integers that the format holds. Images of other dimensions have their own
+/// axes in front of the last.
+pub(crate) fn texels<'py>(py: Python<'py>, texels: &Texels, level: u32) -> PyResult<Bound<'py, PyAny>> {
     let image = texels.image();
+    if level >= image.shape().levels {
+        let levels = image.shape().levels;
+        return Err(invalid(format!("level: there is no mip level {level} of {levels}")));
+    }
     let (format, shape) = (image.format(), *image.shape());
     let (class, size) = (format.class(), format.texel_size() as usize);
     let width = if format.is_wide() && class != Class::Float { 8 } else { 4 };
     let bytes: Vec<u8> = py.detach(|| {
-        let level = image.level_bytes(0);
+        let level = image.level_bytes(level);
         if format == Format::RGBA32F {
             return level;
         }
@@ -191,15 +235,7 @@ pub(crate) fn texels<'py>(py: Python<'py>, texels: &Texels) -> PyResult<Bound<'p
         });
         components.flat_map(|part| part.to_le_bytes().into_iter().take(width)).collect()
     });
-    let [x, y, z] = shape.extent;
-    let mut sides = match shape.dimension.axes() {
-        1 => vec![x],
-        2 => vec![y, x],
-        _ => vec![z, y, x],
-    };
-    if shape.dimension.is_arrayed() || shape.dimension.is_cube() {
-        sides.insert(0, shape.layers);
-    }
+    let sides = sides_of(&ImageShape { extent: shape.level_extent(level), ..shape });
     let samples = (shape.samples > 1).then_some(shape.samples);
     let sides: Vec<isize> = sides.into_iter().chain(samples).chain([4]).map(|side| side as isize).collect();
     let dtype = PyArrayDescr::new(py, dtype(class, format.is_wide()))?;

@@ -8,6 +8,7 @@ use pyo3::prelude::*;
 
 use crate::argument::{self, Vertices};
 use crate::array::{copied_rows, slice, typed};
+use crate::copies::never_changes;
 use crate::error::invalid;
 use crate::used::Use;
 
@@ -80,6 +81,10 @@ impl Ray {
     fn __repr__(&self) -> String {
         let anyhit::Ray { origin, direction, t_min, t_max } = self.ray;
         format!("Ray({origin:?}, {direction:?}, t_min={t_min:?}, t_max={t_max:?})")
+    }
+
+    fn _repr_html_(slf: &Bound<'_, Self>) -> PyResult<String> {
+        slf.py().import("anyhit._html")?.getattr("of_ray")?.call1((slf,))?.extract()
     }
 }
 
@@ -307,3 +312,5 @@ impl Hit {
         Self { hit: anyhit::Hit::aabb(minimum, maximum).ray(ray.ray) }
     }
 }
+
+never_changes!(Ray, Instance, Hit);

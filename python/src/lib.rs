@@ -5,10 +5,15 @@
 
 mod argument;
 mod array;
+mod bound;
 mod compute_test;
+mod copies;
+mod coverage;
+mod debugger;
 mod device_buffers;
 mod dtype;
 mod error;
+mod given;
 mod images;
 mod instance;
 mod loaded_scene;
@@ -38,6 +43,10 @@ mod _anyhit {
 
     #[pymodule_export]
     use crate::compute_test::{ComputeOutcome, ComputeTest};
+    #[pymodule_export]
+    use crate::coverage::{_record_coverage, _recorded_coverage, Coverage};
+    #[pymodule_export]
+    use crate::debugger::_serve_editors;
     #[pymodule_export]
     use crate::device_buffers::DeviceBuffers;
     #[pymodule_export]

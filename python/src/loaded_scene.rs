@@ -1,12 +1,17 @@
 //! Scenes of files: changed, launched, taken apart.
 
+use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use anyhit::{Error, ExplainRequest, Motion};
+use anyhit_debugger::debugger::Debugger;
 use pyo3::prelude::*;
+use pyo3::types::PyString;
 
-use crate::argument::{self, Bytes};
+use crate::argument::{self, Argument, Bytes, wrong_class};
 use crate::array::typed_bytes;
+use crate::copies::never_changes;
+use crate::debugger::Prompt;
 use crate::dtype::buffer_array;
 use crate::error::{invalid, raised};
 use crate::images::texels;
@@ -23,11 +28,12 @@ use crate::value::to_python;
 #[pyclass(frozen, module = "anyhit")]
 pub(crate) struct LoadedScene {
     scene: Mutex<Arc<anyhit::LoadedScene>>,
+    path: PathBuf,
 }
 
 impl LoadedScene {
-    pub(crate) fn new(scene: anyhit::LoadedScene) -> Self {
-        Self { scene: Mutex::new(Arc::new(scene)) }
+    pub(crate) fn new(scene: anyhit::LoadedScene, path: PathBuf) -> Self {
+        Self { scene: Mutex::new(Arc::new(scene)), path }
     }
 
     fn now(&self) -> Arc<anyhit::LoadedScene> {
@@ -220,24 +226,54 @@ impl LoadedScene {
     }
 
     /// Explains a pixel, or the `[[ray]]` with a name, as `anyhit trace-one-ray` prints it.
-    fn explain(&self, py: Python<'_>, what: PixelOrRay) -> PyResult<String> {
+    fn explain(
+        &self,
+        py: Python<'_>,
+        #[pyo3(from_py_with = argument::what)] what: PixelOrRay,
+    ) -> PyResult<String> {
         let scene = self.now();
-        let request = match what {
-            PixelOrRay::Pixel(x, y) => ExplainRequest::from([x, y]),
-            PixelOrRay::Ray(name) => ExplainRequest::from(&*name),
-        };
-        run(py, || scene.explain(request))
+        run(py, || scene.explain(what.0))
+    }
+
+    /// Runs what `explain` would explain in the debugger, which `read` gives commands; without it
+    /// the first ray, or the pixel in the middle.
+    fn _debug_with(
+        &self,
+        #[pyo3(from_py_with = argument::what_or_default)] what: Option<PixelOrRay>,
+        read: &Bound<'_, PyAny>,
+        #[pyo3(from_py_with = argument::colours)] colours: bool,
+    ) -> PyResult<()> {
+        let scene = self.now();
+        let request = what.map_or(ExplainRequest::Default, |what| what.0);
+        Prompt { read, colours }.run(|| Debugger::of_scene(&scene.session()?, &request))
+    }
+
+    fn __copy__(&self) -> Self {
+        Self { scene: Mutex::new(self.now()), path: self.path.clone() }
+    }
+
+    fn __deepcopy__(&self, _memo: &Bound<'_, PyAny>) -> Self {
+        self.__copy__()
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<anyhit.LoadedScene: {}>", self.path.display())
     }
 }
 
-/// What is explained.
-#[derive(FromPyObject)]
-pub(crate) enum PixelOrRay {
-    /// A pixel.
-    Pixel(u32, u32),
-    /// The name of a ray.
-    #[pyo3(transparent)]
-    Ray(String),
+/// What is explained: a pixel, or the ray with a name.
+pub(crate) struct PixelOrRay(ExplainRequest);
+
+impl Argument for PixelOrRay {
+    fn of(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Self> {
+        if given.is_instance_of::<PyString>() {
+            return Ok(Self(ExplainRequest::from(&*String::of(name, given)?)));
+        }
+        if given.try_iter().is_err() {
+            return Err(wrong_class(name, "a pixel (x, y) or the name of a ray", given));
+        }
+        Ok(Self(ExplainRequest::from(<[u32; 2]>::of(name, given)?)))
+    }
 }
 
 /// What the passes of a scene left behind.
@@ -264,13 +300,16 @@ impl SceneOutcome {
         self.outcome == other.outcome
     }
 
-    /// An image, by the resource's name: an array of float32, (height, width, 4).
+    /// A mip level of an image, by the resource's name: an array of float32, (height, width, 4), or
+    /// of the integers that it holds.
+    #[pyo3(signature = (name, *, level=0))]
     fn image<'py>(
         &self,
         py: Python<'py>,
         #[pyo3(from_py_with = argument::name)] name: String,
+        #[pyo3(from_py_with = argument::level)] level: u32,
     ) -> PyResult<Bound<'py, PyAny>> {
-        texels(py, &self.outcome.image(&name).map_err(raised)?)
+        texels(py, &self.outcome.image(&name).map_err(raised)?, level)
     }
 
     /// A buffer by the names of its members.
@@ -293,3 +332,5 @@ impl SceneOutcome {
         buffer_array(py, self.outcome.read_buffer::<u8>(&name).map_err(raised)?, dtype, None)
     }
 }
+
+never_changes!(SceneOutcome);

@@ -1,5 +1,6 @@
 //! Modules, and the programs that are made of their entry points.
 
+use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -10,9 +11,10 @@ use anyhit_engine::module::names::capability_name;
 use anyhit_engine::program::descriptors::declared;
 use anyhit_engine::reflect::lookup::{DataBlock, find_block};
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyBytes, PyDict};
 
 use crate::argument::{self, Argument, Bytes, wrong_class};
+use crate::copies::never_changes;
 use crate::dtype::{of_block, with_sides};
 use crate::error::{invalid, raised};
 use crate::numbers::nested;
@@ -73,6 +75,22 @@ impl Module {
             anyhit::Module::compile(&source.include_folders(&settings.include_folders), &options)
         })?;
         Ok(Self { module })
+    }
+
+    /// Modules are equal where their words are.
+    fn __eq__(&self, other: &Self) -> bool {
+        self.module.words == other.module.words
+    }
+
+    fn __hash__(&self) -> u64 {
+        let mut hasher = DefaultHasher::new();
+        self.module.words.hash(&mut hasher);
+        hasher.finish()
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, (Bound<'py, PyBytes>,))> {
+        let bytes: Vec<u8> = self.module.words.iter().flat_map(|word| word.to_le_bytes()).collect();
+        Ok((py.get_type::<Self>().getattr("from_spirv")?, (PyBytes::new(py, &bytes),)))
     }
 
     /// The entry points, in the module's order.
@@ -193,6 +211,22 @@ pub(crate) struct ModuleBinding {
 
 #[pymethods]
 impl ModuleBinding {
+    /// What `Module.bindings` returns.
+    #[new]
+    #[pyo3(signature = (name, set, binding, r#type))]
+    fn new(
+        #[pyo3(from_py_with = argument::name)] name: String,
+        #[pyo3(from_py_with = argument::set)] set: u32,
+        #[pyo3(from_py_with = argument::binding)] binding: u32,
+        #[pyo3(from_py_with = argument::binding_type)] r#type: String,
+    ) -> Self {
+        Self { name, set, binding, ty: r#type }
+    }
+
+    fn __getnewargs__(&self) -> (&str, u32, u32, &str) {
+        (&self.name, self.set, self.binding, &self.ty)
+    }
+
     fn __repr__(&self) -> String {
         let Self { name, set, binding, ty } = self;
         format!("ModuleBinding(name={name:?}, set={set}, binding={binding}, type={ty:?})")
@@ -211,6 +245,19 @@ pub(crate) struct EntryPoint {
 
 #[pymethods]
 impl EntryPoint {
+    /// What `Module.entry_points` returns.
+    #[new]
+    fn new(
+        #[pyo3(from_py_with = argument::name)] name: String,
+        #[pyo3(from_py_with = argument::stage)] stage: String,
+    ) -> Self {
+        Self { name, stage }
+    }
+
+    fn __getnewargs__(&self) -> (&str, &str) {
+        (&self.name, &self.stage)
+    }
+
     fn __repr__(&self) -> String {
         format!("EntryPoint(name={:?}, stage={:?})", self.name, self.stage)
     }
@@ -326,3 +373,5 @@ impl Shader {
         run(py, || anyhit::Program::with_stage(&module, only.stage, &only.name)).map(Arc::new)
     }
 }
+
+never_changes!(Module, ModuleBinding, EntryPoint, Program);

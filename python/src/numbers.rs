@@ -17,6 +17,9 @@ pub(crate) type Member = (String, NestedScalars);
 
 /// Lists in lists that are read: a list may hold itself.
 pub(crate) const MAX_DEPTH: usize = 32;
+/// Elements of lists that are read: a range takes no memory itself, nor does a list that is an
+/// element of others many times.
+const MAX_NUMBERS: usize = 1 << 24;
 
 /// The scalars of Python data for a value of a shader: dicts name members, lists are arrays,
 /// vectors and the columns of matrices. Members that are not named are left out.
@@ -113,11 +116,25 @@ fn parts<'py>(data: &Bound<'py, PyAny>) -> PyResult<Option<Vec<Bound<'py, PyAny>
     if !is_list {
         return Ok(None);
     }
-    data.try_iter()?.collect::<PyResult<_>>().map(Some)
+    let count = data.len()?;
+    if count > MAX_NUMBERS {
+        return Err(too_long());
+    }
+    data.try_iter()?.take(count).collect::<PyResult<_>>().map(Some)
 }
 
 /// The scalars of a number, of a list of numbers, or of an array of numpy, in their nesting.
 pub(crate) fn nested(path: &str, data: &Bound<'_, PyAny>, depth: usize) -> PyResult<NestedScalars> {
+    nested_within(path, data, depth, &mut 0)
+}
+
+/// [`nested`], after so many elements of lists.
+fn nested_within(
+    path: &str,
+    data: &Bound<'_, PyAny>,
+    depth: usize,
+    count: &mut usize,
+) -> PyResult<NestedScalars> {
     if depth > MAX_DEPTH {
         return Err(too_deep(path));
     }
@@ -125,12 +142,16 @@ pub(crate) fn nested(path: &str, data: &Bound<'_, PyAny>, depth: usize) -> PyRes
         return Ok(NestedScalars::One(scalar));
     }
     if let Some(parts) = parts(data)? {
-        let parts = parts.iter().map(|part| nested(path, part, depth + 1));
+        *count += parts.len();
+        if *count > MAX_NUMBERS {
+            return Err(too_long());
+        }
+        let parts = parts.iter().map(|part| nested_within(path, part, depth + 1, count));
         return Ok(NestedScalars::Many(parts.collect::<PyResult<_>>()?));
     }
     if let Some(array) = array_of(path, data)? {
         check_kind(path, &array)?;
-        return nested(path, &array.call_method0("tolist")?, depth + 1);
+        return nested_within(path, &array.call_method0("tolist")?, depth + 1, count);
     }
     let class = class(data);
     Err(invalid_type(format!("{}expected a number, a list of numbers or a dict, found {class}", of(path))))
@@ -168,6 +189,10 @@ fn check_kind(path: &str, array: &Bound<'_, PyUntypedArray>) -> PyResult<()> {
         b'f' if dtype.itemsize() <= 8 => Ok(()),
         _ => Err(invalid(format!("{}an array of {dtype} has no equivalent in a shader", of(path)))),
     }
+}
+
+fn too_long() -> PyErr {
+    invalid(format!("lists of more than {MAX_NUMBERS} elements are not read: use an array of numpy"))
 }
 
 fn too_deep(path: &str) -> PyErr {

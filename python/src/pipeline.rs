@@ -8,6 +8,7 @@ use pyo3::types::PyDict;
 
 use crate::argument::{self, Objects};
 use crate::array::typed_bytes;
+use crate::copies::never_changes;
 use crate::error::{invalid, raised};
 use crate::instance::Ray;
 use crate::module::Shader;
@@ -34,7 +35,7 @@ impl Pipeline {
     /// `callable_records` are the data of the records, `None` for those without: a dict by the
     /// names of the members that the first shader declares, an array or bytes.
     #[new]
-    #[pyo3(signature = (*, ray_generation=None, hit=Vec::new(), miss=Vec::new(), callable=Vec::new(), max_recursion=None, fuel=None, hit_records=Objects(Vec::new()), miss_records=Objects(Vec::new()), callable_records=Objects(Vec::new())))]
+    #[pyo3(signature = (*, ray_generation=None, hit=Vec::new(), miss=Vec::new(), callable=Vec::new(), max_recursion=None, fuel=None, hit_records=Objects::none(), miss_records=Objects::none(), callable_records=Objects::none()))]
     #[expect(clippy::too_many_arguments, reason = "they are keywords in Python")]
     fn new(
         py: Python<'_>,
@@ -159,8 +160,8 @@ impl Pipeline {
         #[pyo3(from_py_with = argument::depth)] depth: u32,
     ) -> PyResult<Launched> {
         let mut scene = scene.bound(&self.pipeline.programs)?;
-        let launched = run(py, || self.pipeline.launch_mut(&mut scene, [width, height, depth]))?;
-        Ok(Launched { launched, programs: self.pipeline.programs.clone(), scene })
+        let outcome = run(py, || self.pipeline.launch_mut(&mut scene, [width, height, depth]))?;
+        Ok(Launched { outcome, programs: self.pipeline.programs.clone(), scene })
     }
 
     fn __repr__(&self) -> String {
@@ -200,3 +201,5 @@ fn set_records(
     }
     Ok(())
 }
+
+never_changes!(Pipeline);

@@ -1,11 +1,14 @@
 //! How shaders sample images.
 
+use std::hash::{DefaultHasher, Hash, Hasher};
+
 use anyhit::AddressMode;
 use anyhit_scene::read::Named;
 use pyo3::prelude::*;
-use pyo3::types::PyString;
+use pyo3::types::{PyDict, PyString};
 
-use crate::argument::{Argument, wrong_class};
+use crate::argument::{Argument, items, wrong_class};
+use crate::copies::never_changes;
 use crate::error::invalid;
 
 /// `VkSamplerCreateInfo`: filters, address modes and levels of detail.
@@ -79,19 +82,88 @@ impl Sampler {
         Ok(Self { sampler })
     }
 
-    fn __repr__(&self) -> String {
-        let anyhit::Sampler { mag_filter, min_filter, mipmap_mode, address_mode, .. } = &self.sampler;
-        format!("<anyhit.Sampler: {mag_filter:?}, {min_filter:?}, {mipmap_mode:?}, {address_mode:?}>")
+    fn __hash__(&self) -> u64 {
+        let mut hasher = DefaultHasher::new();
+        let anyhit::Sampler { min_lod, max_lod, lod_bias, max_anisotropy, .. } = self.sampler;
+        // -0.0 equals 0.0.
+        let numbers = [min_lod, max_lod, lod_bias, max_anisotropy];
+        numbers.map(|number| (number + 0.0).to_bits()).hash(&mut hasher);
+        [self.sampler.mag_filter, self.sampler.min_filter].map(written).hash(&mut hasher);
+        self.sampler.address_mode.map(written).hash(&mut hasher);
+        hasher.finish()
     }
+
+    fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<((), Bound<'py, PyDict>)> {
+        Ok(((), self.keywords(py)?))
+    }
+
+    fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
+        let keywords = self.keywords(py)?.into_iter();
+        let keywords: PyResult<Vec<String>> =
+            keywords.map(|(name, value)| Ok(format!("{name}={}", value.repr()?))).collect();
+        Ok(format!("Sampler({})", keywords?.join(", ")))
+    }
+}
+
+impl Sampler {
+    /// The keywords that make it: those that differ from the defaults.
+    fn keywords<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let (own, default) = (&self.sampler, anyhit::Sampler::default());
+        let keywords = PyDict::new(py);
+        for (name, value, default) in [
+            ("mag_filter", own.mag_filter, default.mag_filter),
+            ("min_filter", own.min_filter, default.min_filter),
+            ("mipmap_mode", own.mipmap_mode, default.mipmap_mode),
+        ] {
+            if value != default {
+                keywords.set_item(name, written(value))?;
+            }
+        }
+        if own.address_mode != default.address_mode {
+            let modes = own.address_mode.map(written);
+            match modes[1..].iter().all(|mode| *mode == modes[0]) {
+                true => keywords.set_item("address_mode", modes[0])?,
+                false => keywords.set_item("address_mode", modes)?,
+            }
+        }
+        if own.border_color != default.border_color {
+            keywords.set_item("border_color", written(own.border_color))?;
+        }
+        if let Some(compare_op) = own.compare_op {
+            keywords.set_item("compare_op", written(compare_op))?;
+        }
+        for (name, value, default) in [
+            ("min_lod", own.min_lod, default.min_lod),
+            ("max_lod", own.max_lod, default.max_lod),
+            ("lod_bias", own.lod_bias, default.lod_bias),
+            ("max_anisotropy", own.max_anisotropy, default.max_anisotropy),
+        ] {
+            if value != default {
+                keywords.set_item(name, value)?;
+            }
+        }
+        if own.unnormalized_coordinates {
+            keywords.set_item("unnormalized_coordinates", true)?;
+        }
+        Ok(keywords)
+    }
+}
+
+/// The name of a value.
+fn written<T: Named + PartialEq>(value: T) -> &'static str {
+    T::NAMES.iter().find(|(_, known)| *known == value).map_or("", |(name, _)| name)
 }
 
 fn address_modes(given: &Bound<'_, PyAny>) -> PyResult<[AddressMode; 3]> {
     if given.is_instance_of::<PyString>() {
         return Ok([choice("address_mode", given)?; 3]);
     }
-    let items = given.try_iter().map_err(|_| wrong_class("address_mode", "str or a list of three", given))?;
+    let items = items("address_mode", given, 4);
+    let items = items.map_err(|_| wrong_class("address_mode", "str or a list of three", given))?;
     let modes: Vec<AddressMode> =
         items.map(|item| choice("address_mode", &item?)).collect::<PyResult<_>>()?;
     let count = modes.len();
     modes.try_into().map_err(|_| invalid(format!("address_mode: a list of {count} modes, not of three")))
 }
+
+never_changes!(Sampler);

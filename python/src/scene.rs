@@ -10,8 +10,9 @@ use anyhit_unit_test::data::HostBytes;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyString, PyTuple};
 
-use crate::argument::{self, Argument, Buffers, wrong_class};
+use crate::argument::{self, Argument, Buffers, Objects, wrong_class};
 use crate::array::typed_bytes;
+use crate::copies::never_changes;
 use crate::dtype::buffer_array;
 use crate::error::{invalid, raised};
 use crate::images::{TexelArray, declared, texels};
@@ -133,7 +134,8 @@ impl Scene {
     /// Reads a scene file with everything that it names.
     #[staticmethod]
     fn open(py: Python<'_>, #[pyo3(from_py_with = argument::path)] path: PathBuf) -> PyResult<LoadedScene> {
-        run(py, || anyhit::LoadedScene::open(path)).map(LoadedScene::new)
+        let scene = run(py, || anyhit::LoadedScene::open(&path))?;
+        Ok(LoadedScene::new(scene, path))
     }
 
     /// Reads a scene from a text; its relative paths start at the folder of `path`, which need not
@@ -144,7 +146,8 @@ impl Scene {
         #[pyo3(from_py_with = argument::path)] path: PathBuf,
         #[pyo3(from_py_with = argument::text)] text: String,
     ) -> PyResult<LoadedScene> {
-        run(py, || anyhit::LoadedScene::from_text(path, &text)).map(LoadedScene::new)
+        let scene = run(py, || anyhit::LoadedScene::from_text(&path, &text))?;
+        Ok(LoadedScene::new(scene, path))
     }
 
     /// Binds the scene's own acceleration structure, for shaders that trace.
@@ -186,8 +189,9 @@ impl Scene {
     /// int32, uint64 or int64 for shaders that read integers. It is stored in the format that the
     /// shaders declare, unless `format` names another: GLSL's `"rgba32f"`, `"rgba8"`, `"r32ui"`.
     /// Images of other dimensions have their own axes; with a sampler it is a combined image
-    /// sampler.
-    #[pyo3(signature = (set, binding=None, texels=None, format=None, sampler=None))]
+    /// sampler. `levels` are the arrays of its further mip levels, each of half the size.
+    #[pyo3(signature = (set, binding=None, texels=None, format=None, sampler=None, *, levels=Objects::none()), text_signature = "($self, set, binding=None, texels=None, format=None, sampler=None, *, levels=())")]
+    #[expect(clippy::too_many_arguments, reason = "they are keywords in Python")]
     fn image(
         &self,
         set: &Bound<'_, PyAny>,
@@ -195,9 +199,10 @@ impl Scene {
         texels: Option<&Bound<'_, PyAny>>,
         #[pyo3(from_py_with = argument::format)] format: Option<String>,
         #[pyo3(from_py_with = argument::of_sampler)] sampler: Option<Sampler>,
+        #[pyo3(from_py_with = argument::levels)] levels: Objects,
     ) -> PyResult<Self> {
         let (place, texels) = split_with("texels", set, binding, texels)?;
-        let texels = TexelArray::of(texels, format.as_deref())?;
+        let texels = TexelArray::of(texels, format.as_deref(), &levels)?;
         Ok(self.with("image", place, Pending::Image(texels, sampler.map(|one| one.sampler))))
     }
 
@@ -244,14 +249,15 @@ impl Scene {
         buffer_array(py, bytes, dtype, None)
     }
 
-    /// The texels of an image: an array of float32, (height, width, 4), or of the integers that it
-    /// holds.
-    #[pyo3(signature = (set, binding=None))]
+    /// The texels of a mip level of an image: an array of float32, (height, width, 4), or of the
+    /// integers that it holds.
+    #[pyo3(signature = (set, binding=None, *, level=0))]
     fn read_image<'py>(
         &self,
         py: Python<'py>,
         set: &Bound<'py, PyAny>,
         binding: Option<&Bound<'py, PyAny>>,
+        #[pyo3(from_py_with = argument::level)] level: u32,
     ) -> PyResult<Bound<'py, PyAny>> {
         self.used.mark();
         let (place, _) = split(set, binding, None)?;
@@ -260,8 +266,10 @@ impl Scene {
             _ => None,
         });
         match (pending, place) {
-            (Some(image), _) => texels(py, &Texels::new(image?)),
-            (None, Place::At(at)) => texels(py, &self.scene.read_image(at.set, at.binding).map_err(raised)?),
+            (Some(image), _) => texels(py, &Texels::new(image?), level),
+            (None, Place::At(at)) => {
+                texels(py, &self.scene.read_image(at.set, at.binding).map_err(raised)?, level)
+            }
             (None, Place::Named(name)) => Err(invalid(format!("no image is bound as `{name}`"))),
         }
     }
@@ -310,3 +318,5 @@ pub(crate) fn buffer_bytes(at: Binding, data: &Bound<'_, PyAny>, module: &Module
     let zeros = StructData::buffer(&module.module, at.set, at.binding).map_err(raised)?;
     Ok(HostBytes::raw(filled(zeros, "data", data)?.bytes()))
 }
+
+never_changes!(Scene);

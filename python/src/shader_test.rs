@@ -1,25 +1,28 @@
 //! One shader by itself.
 
+use std::cell::RefCell;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use anyhit::{Descriptor, StructData, Value};
+use anyhit::{StructData, Value};
 use anyhit_engine::machine::Binding;
 use pyo3::call::PyCallArgs;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::argument::{self, Argument, Buffers, wrong_class};
+use crate::argument::{self, wrong_class};
+use crate::copies::never_changes;
+use crate::coverage::counted;
+use crate::debugger::Prompt;
 use crate::error::{from_python, invalid, raised};
-use crate::images::{TexelArray, declared};
+use crate::given::binds_resources;
 use crate::instance::{Hit, Instance, Ray};
 use crate::module::{Module, Program};
 use crate::numbers::{Member, members, nested};
 use crate::outcome::{ShaderOutcome, report_dict};
 use crate::payload;
-use crate::place::{Place, split_with};
+use crate::place::Place;
 use crate::run::interruptible;
-use crate::sampler::Sampler;
-use crate::scene::{buffer_bytes, filled};
+use crate::scene::filled;
 use crate::used::Use;
 use crate::value::to_python;
 
@@ -33,9 +36,12 @@ pub(crate) struct ShaderTest {
     /// Zeros of the payload that the shader takes.
     payload: Option<Value>,
     program: Arc<anyhit::Program>,
-    /// What a callback has raised, which `run` raises again.
-    raised: Arc<Mutex<Option<PyErr>>>,
     used: Use,
+}
+
+thread_local! {
+    /// What a callback of the test that runs on this thread has raised, which `run` raises again.
+    static RAISED: RefCell<Option<PyErr>> = const { RefCell::new(None) };
 }
 
 impl ShaderTest {
@@ -73,7 +79,7 @@ impl ShaderTest {
         let program = Program::of(py, &module, &entry, stage.as_deref())?.program;
         let test = anyhit::ShaderTest::of(program.clone()).map_err(raised)?;
         let payload = payload::of_program(&program);
-        Ok(Self { test, module, payload, program, raised: Arc::default(), used: Use::free() })
+        Ok(Self { test, module, payload, program, used: Use::free() })
     }
 
     /// What was hit, and by which ray: all builtins of a hit shader, and its hit attributes.
@@ -134,80 +140,9 @@ impl ShaderTest {
         Ok(self.with("shader_record", |test| test.shader_record_data(&data)))
     }
 
-    /// Sets the push constants, by the names of their members.
-    fn push_constants(&self, values: &Bound<'_, PyAny>) -> PyResult<Self> {
-        let data = StructData::push_constants(&self.module.module).map_err(raised)?;
-        let data = filled(data, "values", values)?;
-        Ok(self.with("push_constants", |test| test.push_constants_data(&data)))
-    }
-
-    /// Binds a storage or uniform buffer: an array, C-contiguous, whose dtype and shape are
-    /// compared with what the shader declares; `bytes` or an array of `uint8`, which are not; or
-    /// a dict by the names of its members.
-    #[pyo3(signature = (set, binding=None, data=None))]
-    fn buffer(
-        &self,
-        set: &Bound<'_, PyAny>,
-        binding: Option<&Bound<'_, PyAny>>,
-        data: Option<&Bound<'_, PyAny>>,
-    ) -> PyResult<Self> {
-        let (place, data) = split_with("data", set, binding, data)?;
-        let at = self.binding(&place)?;
-        let bytes = buffer_bytes(at, data, &self.module)?;
-        Ok(self.with("buffer", |test| test.buffer_of(at.set, at.binding, bytes)))
-    }
-
-    /// Binds a storage or sampled image: an array (height, width, 4) of float32, or of uint32,
-    /// int32, uint64 or int64 for a shader that reads integers. It is stored in the format that the
-    /// shader declares, unless `format` names another: GLSL's `"rgba32f"`, `"rgba8"`, `"r32ui"`.
-    /// Images of other dimensions have their own axes; with a sampler it is a combined image
-    /// sampler.
-    #[pyo3(signature = (set, binding=None, texels=None, format=None, sampler=None))]
-    fn image(
-        &self,
-        set: &Bound<'_, PyAny>,
-        binding: Option<&Bound<'_, PyAny>>,
-        texels: Option<&Bound<'_, PyAny>>,
-        #[pyo3(from_py_with = argument::format)] format: Option<String>,
-        #[pyo3(from_py_with = argument::of_sampler)] sampler: Option<Sampler>,
-    ) -> PyResult<Self> {
-        let (place, texels) = split_with("texels", set, binding, texels)?;
-        let at = self.binding(&place)?;
-        let image = TexelArray::of(texels, format.as_deref())?.image(declared([&self.program], at))?;
-        Ok(self.with("image", |test| match sampler {
-            Some(sampler) => test.image_sampler(at.set, at.binding, image, sampler.sampler),
-            None => test.image(at.set, at.binding, image),
-        }))
-    }
-
-    /// Binds a sampler.
-    #[pyo3(signature = (set, binding=None, sampler=None))]
-    fn sampler(
-        &self,
-        set: &Bound<'_, PyAny>,
-        binding: Option<&Bound<'_, PyAny>>,
-        sampler: Option<&Bound<'_, PyAny>>,
-    ) -> PyResult<Self> {
-        let (place, sampler) = split_with("sampler", set, binding, sampler)?;
-        let sampler = Descriptor::Sampler(Arc::new(Sampler::of("sampler", sampler)?.sampler));
-        let at = self.binding(&place)?;
-        Ok(self.with("sampler", |test| test.descriptor(at.set, at.binding, sampler)))
-    }
-
-    /// Puts buffers at their device addresses, for shaders that reach them by pointers.
-    fn device_buffers(&self, #[pyo3(from_py_with = argument::buffers)] buffers: Buffers) -> Self {
-        self.with("device_buffers", |test| test.device_buffers(&buffers.0))
-    }
-
-    /// Sets how many instructions the shader may execute.
-    fn fuel(&self, #[pyo3(from_py_with = argument::instructions)] instructions: u64) -> Self {
-        self.with("fuel", |test| test.fuel(instructions))
-    }
-
     /// Answers the traces that the shader makes, in place of a scene: the callback sees a
     /// `TraceCall` and returns a dict of the members of the payload that it changes, or `None`.
     fn on_trace(&self, callback: Py<PyAny>) -> Self {
-        let raised = self.raised.clone();
         let answer = move |trace: &mut anyhit::TraceCall| {
             let answered = Python::attach(|py| {
                 let found = Arc::default();
@@ -216,7 +151,7 @@ impl ShaderTest {
                 if let Some(instance) = found.lock().unwrap_or_else(PoisonError::into_inner).take() {
                     trace.hit(instance);
                 }
-                answer.map_err(|error| keep(py, &raised, error))
+                answer.map_err(|error| keep(py, error))
             });
             write(&mut trace.payload, answered?)
         };
@@ -226,13 +161,12 @@ impl ShaderTest {
     /// Answers the callable shaders that the shader calls: the callback sees the SBT index and the
     /// callable data, and returns a dict of the members that it changes, or `None`.
     fn on_call(&self, callback: Py<PyAny>) -> Self {
-        let raised = self.raised.clone();
         let answer = move |call: &mut anyhit::CallableCall| {
             let answered = Python::attach(|py| {
                 let shape = call.data.value();
                 let answer = to_python(py, &shape)
                     .and_then(|data| answered(callback.bind(py), (call.index, data), &shape));
-                answer.map_err(|error| keep(py, &raised, error))
+                answer.map_err(|error| keep(py, error))
             });
             write(&mut call.data, answered?)
         };
@@ -243,12 +177,11 @@ impl ShaderTest {
     /// the callback sees an `ExecuteCall` and returns a dict of the members of the payload that it
     /// changes, or `None`.
     fn on_execute(&self, callback: Py<PyAny>) -> Self {
-        let raised = self.raised.clone();
         let answer = move |execute: &mut anyhit::ExecuteCall| {
             let answered = Python::attach(|py| {
                 let call = ExecuteCall { call: execute.clone() };
                 let answer = answered(callback.bind(py), (call,), &execute.payload.value());
-                answer.map_err(|error| keep(py, &raised, error))
+                answer.map_err(|error| keep(py, error))
             });
             write(&mut execute.payload, answered?)
         };
@@ -259,14 +192,13 @@ impl ShaderTest {
     /// sees a dict of `t`, `kind` and `attributes`, and returns whether it accepts. It is not asked
     /// about reports outside of the ray's interval.
     fn on_report(&self, callback: Py<PyAny>) -> Self {
-        let raised = self.raised.clone();
         let decide = move |report: &anyhit::ReportedHit| {
             let decided = Python::attach(|py| {
                 let asked = report_dict(py, report).and_then(|dict| {
                     dict.del_item("accepted")?;
                     callback.bind(py).call1((dict,))?.is_truthy()
                 });
-                asked.map_err(|error| keep(py, &raised, error))
+                asked.map_err(|error| keep(py, error))
             });
             decided.unwrap_or(false)
         };
@@ -281,7 +213,9 @@ impl ShaderTest {
     /// Runs the shader once.
     fn run(&self, py: Python<'_>) -> PyResult<ShaderOutcome> {
         self.used.mark();
-        let outcome = self.finish(interruptible(py, || self.test.clone().run())?)?;
+        let test = &self.test;
+        let outcome =
+            self.finish(py, || counted(&self.program, || test.run(), |counts| test.run_counted(counts)))?;
         Ok(ShaderOutcome { outcome, programs: [self.program.clone()] })
     }
 
@@ -292,7 +226,18 @@ impl ShaderTest {
         #[pyo3(from_py_with = argument::commands)] commands: String,
     ) -> PyResult<String> {
         self.used.mark();
-        self.finish(interruptible(py, || self.test.debug(&commands))?)
+        self.finish(py, || self.test.debug(&commands))
+    }
+
+    /// Runs the shader in the debugger, which `read` gives commands.
+    fn _debug_with(
+        &self,
+        read: &Bound<'_, PyAny>,
+        #[pyo3(from_py_with = argument::colours)] colours: bool,
+    ) -> PyResult<()> {
+        self.used.mark();
+        let session = Prompt { read, colours }.run(|| self.test.debugger());
+        RAISED.take().map_or(session, Err)
     }
 
     fn __repr__(&self) -> String {
@@ -302,20 +247,23 @@ impl ShaderTest {
     /// Runs the shader once under the sanitizer. Returns the reports of what it only warns of.
     fn sanitize(&self, py: Python<'_>) -> PyResult<Vec<String>> {
         self.used.mark();
-        let warnings = self.finish(interruptible(py, || self.test.clone().sanitize())?)?;
+        let warnings = self.finish(py, || self.test.clone().sanitize())?;
         Ok(warnings.iter().map(anyhit::Error::render).collect())
     }
 }
 
 impl ShaderTest {
-    /// The result of a run, or the exception that a callback has raised meanwhile.
-    fn finish<T>(&self, result: anyhit::Result<T>) -> PyResult<T> {
-        match self.raised.lock().unwrap_or_else(PoisonError::into_inner).take() {
+    /// The result of a run, or the exception that a callback raises meanwhile.
+    fn finish<T: Send>(&self, py: Python<'_>, run: impl FnOnce() -> anyhit::Result<T> + Send) -> PyResult<T> {
+        let result = interruptible(py, run);
+        match RAISED.take() {
             Some(exception) => Err(exception),
-            None => result.map_err(raised),
+            None => result?.map_err(raised),
         }
     }
 }
+
+binds_resources!(ShaderTest);
 
 /// The members that a callback changes; none where it returns `None`.
 fn answered<'py>(
@@ -328,9 +276,9 @@ fn answered<'py>(
 }
 
 /// Keeps what a callback has raised, and returns an error that ends the run.
-fn keep(py: Python<'_>, slot: &Mutex<Option<PyErr>>, error: PyErr) -> anyhit::Error {
+fn keep(py: Python<'_>, error: PyErr) -> anyhit::Error {
     let ends = from_python(py, &error);
-    *slot.lock().unwrap_or_else(PoisonError::into_inner) = Some(error);
+    RAISED.set(Some(error));
     ends
 }
 
@@ -484,3 +432,5 @@ impl TraceCall {
         to_python(py, &self.call.payload.value())
     }
 }
+
+never_changes!(ShaderTest, ExecuteCall, TraceCall);

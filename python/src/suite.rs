@@ -14,6 +14,8 @@ use pyo3::exceptions::PyIndexError;
 use pyo3::prelude::*;
 
 use crate::argument;
+use crate::copies::never_changes;
+use crate::coverage::Coverage;
 use crate::error::span;
 use crate::run::run;
 
@@ -46,7 +48,8 @@ impl Suite {
 
     /// Runs the test at a place in the order. With `sanitize`, `many_seeds` or `perturb` one that
     /// passes runs again as `anyhit test` with these options runs it.
-    #[pyo3(signature = (at, *, sanitize=false, many_seeds=None, perturb=None, all_widths=false, explanation=true, pictures=None))]
+    /// `coverage` records what its shaders cover.
+    #[pyo3(signature = (at, *, sanitize=false, many_seeds=None, perturb=None, all_widths=false, explanation=true, pictures=None, coverage=false))]
     #[expect(clippy::too_many_arguments, reason = "they are keywords in Python")]
     fn run(
         &self,
@@ -58,6 +61,7 @@ impl Suite {
         #[pyo3(from_py_with = argument::all_widths)] all_widths: bool,
         #[pyo3(from_py_with = argument::explanation)] explanation: bool,
         #[pyo3(from_py_with = argument::pictures)] pictures: Option<PathBuf>,
+        #[pyo3(from_py_with = argument::coverage)] coverage: bool,
     ) -> PyResult<Finished> {
         let count = self.suite.tests().len();
         if at >= count {
@@ -71,13 +75,14 @@ impl Suite {
             many_seeds: many_seeds.map(|seeds| ManySeeds { seeds: 0..seeds, ..ManySeeds::default() }),
             perturb: perturb.map(|runs| Perturbation { runs, ..Perturbation::default() }),
             all_widths,
+            coverage,
             no_explanation: !explanation,
             pictures: pictures.unwrap_or_else(|| std::env::temp_dir().join("anyhit-test")),
             ..SuiteOptions::default()
         };
         run(py, || {
             let mut found = None;
-            one.run(&options, &mut |finished, test| {
+            let result = one.run(&options, &mut |finished, test| {
                 let outcome = match &finished.outcome {
                     Outcome::Passed | Outcome::Renewed => Finished::new("passed", "", &[]),
                     Outcome::KnownFailure(why) => Finished::new("known failure", why, &[]),
@@ -87,7 +92,9 @@ impl Suite {
                 found = Some(outcome);
                 Ok(())
             })?;
-            Ok(found.unwrap_or_else(|| Finished::new("passed", "", &[])))
+            let found = found.unwrap_or_else(|| Finished::new("passed", "", &[]));
+            let coverage = result.coverage.map(|covered| Coverage { covered });
+            Ok(Finished { coverage, ..found })
         })
     }
 }
@@ -103,6 +110,8 @@ pub(crate) struct Finished {
     reason: String,
     /// File and line of it, where they are known.
     place: Option<(String, u32)>,
+    /// What its shaders covered, where that was recorded.
+    coverage: Option<Coverage>,
 }
 
 impl Finished {
@@ -114,7 +123,13 @@ impl Finished {
         };
         let places = errors.iter().flat_map(Error::places);
         let place = places.filter_map(|(place, _)| span(place)).map(|(file, line, _)| (file, line)).next();
-        Self { outcome: outcome.to_owned(), text: text.to_owned(), reason: reason + &more, place }
+        Self {
+            outcome: outcome.to_owned(),
+            text: text.to_owned(),
+            reason: reason + &more,
+            place,
+            coverage: None,
+        }
     }
 }
 
@@ -132,3 +147,5 @@ fn without_bits(message: &str) -> String {
     let first = parts.next().unwrap_or_default().to_owned();
     parts.fold(first, |text, part| text + part.split_once(')').map_or(part, |(_, rest)| rest))
 }
+
+never_changes!(Suite, Finished);

@@ -72,6 +72,10 @@ impl Traced {
         let hits: usize = self.hit.bind(py).call_method0("sum")?.extract()?;
         Ok(format!("<anyhit.Traced: {} rays, {hits} hits>", self.__len__(py)?))
     }
+
+    fn _repr_html_(slf: &Bound<'_, Self>) -> PyResult<String> {
+        slf.py().import("anyhit._html")?.getattr("of_traced")?.call1((slf,))?.extract()
+    }
 }
 
 /// The number of rays that run one after the other, before another thread may take some.

@@ -130,3 +130,63 @@ def test_constants_and_push_constants_are_set(glslang: None) -> None:
     assert test.run(outputs={"Results": 7}, groups=2)["Results"].tolist() == [123] * 6 + [0]
     with pytest.raises(anyhit.InvalidArgument, match="`more`"):
         test.push_constants({"more": -1})
+
+
+RACE = """
+@group(0) @binding(0) var<storage, read_write> last: u32;
+@group(0) @binding(1) var<storage, read_write> sum: atomic<u32>;
+
+@compute @workgroup_size(64)
+fn race(@builtin(global_invocation_id) id: vec3u) {
+    last = id.x;
+    atomicAdd(&sum, 1u);
+}
+
+@compute @workgroup_size(64)
+fn count() { atomicAdd(&sum, 1u); }
+"""
+
+
+def test_drawn_choices_are_found() -> None:
+    module = anyhit.Module.from_source("race.wgsl", RACE)
+    zero = np.zeros(1, np.uint32)
+    # Which invocation stores last is open; a sum of atomic instructions is not.
+    race = anyhit.ComputeTest(module, "race").buffer("last", zero).buffer("sum", zero)
+    with pytest.raises(anyhit.Finding, match="`last`.*invocations run in another order"):
+        race.many_seeds(8)
+    count = anyhit.ComputeTest(module, "count").buffer("sum", zero).workgroups(2)
+    assert count.many_seeds(8) == [] and count.run().read_buffer("sum").tolist() == [128]
+    with pytest.raises(anyhit.InvalidArgument, match="seed"):
+        count.many_seeds(0)
+    # A tile of which nobody writes 5 pixels: shaders/many-seeds/workgroup-drawn.
+    broken, mended = (
+        anyhit.ComputeTest(anyhit.Module.open(FIXTURES / f"many-seeds/workgroup-drawn/{name}.comp.spv"))
+        .buffer(0, 1, np.array([1] * 8 + [0.5] * 3, np.float32))
+        .buffer(0, 2, np.zeros(2, np.float32))
+        .workgroups(2)
+        for name in ("broken", "mended")
+    )
+    with pytest.raises(anyhit.Finding, match="workgroup memory holds something else at the beginning"):
+        broken.many_seeds(8)
+    assert mended.many_seeds(8) == []
+
+
+def test_an_invocation_is_explained(test: anyhit.ComputeTest) -> None:
+    test = test.buffer("numbers", NUMBERS).buffer("sums", np.zeros(2, np.uint32)).workgroups(2)
+    text = test.explain([4, 0, 0])
+    # 3 * (10 + 20 + 30 + 40)
+    assert "sums[1]: 0 -> 300" in text and "invocation (4, 0, 0)" in text
+    assert "no changed value" in test.explain([5, 0, 0])
+    assert test.run().read_buffer("sums").tolist() == [30, 300]
+    with pytest.raises(anyhit.InvalidArgument, match="invocation 8,0,0 is outside the dispatch"):
+        test.explain([8, 0, 0])
+    # A trap is part of it.
+    short = test.buffer("sums", np.zeros(1, np.uint32))
+    assert "out of bounds" in short.explain([4, 0, 0])
+
+
+def test_ray_queries_are_explained() -> None:
+    module = anyhit.Module.open(FIXTURES / "pass/ray-query/compute/main.comp.spv")
+    scene = anyhit.Scene([anyhit.Instance.triangles([[[0, 0, 0], [15.5, 0, 0], [0, 15.5, 0]]])])
+    test = anyhit.ComputeTest(module).scene(0, 0, scene).buffer(0, 1, np.zeros(1, np.uint32))
+    assert "ray query" in test.explain([0, 0, 0])

@@ -152,3 +152,55 @@ def test_a_combined_image_sampler_is_an_image_with_a_sampler(glslang: None) -> N
     test = anyhit.ShaderTest(module).buffer("Result", bytes(16))
     outcome = test.image("both", plane, sampler=anyhit.Sampler(mag_filter="nearest")).run()
     assert outcome.buffer("Result") == {"result": [0, 1, 2, 3]}
+
+
+MIPS = """
+@group(0) @binding(0) var plane: texture_2d<f32>;
+@group(0) @binding(1) var volume: texture_3d<f32>;
+@group(0) @binding(2) var filtering: sampler;
+@group(0) @binding(3) var<storage, read_write> results: array<vec4f>;
+
+@compute @workgroup_size(1)
+fn sample() {
+    results[0] = textureLoad(plane, vec2i(0, 0), 2);
+    results[1] = textureSampleLevel(plane, filtering, vec2f(0.75, 0.25), 1.0);
+    results[2] = textureSampleLevel(plane, filtering, vec2f(0.75, 0.25), 0.5);
+    results[3] = textureLoad(volume, vec3i(0, 0, 0), 1);
+    results[4] = vec4f(f32(textureNumLevels(plane)), f32(textureNumLevels(volume)), 0.0, 0.0);
+}
+"""
+
+
+def test_images_have_mip_levels() -> None:
+    module = anyhit.Module.from_source("mips.wgsl", MIPS)
+    # Vulkan, "Image Miplevel Sizing": sides are halved and rounded down, to at least 1.
+    plane = [np.full((*size, 4), value, np.float32) for size, value in [((3, 4), 0), ((1, 2), 8), ((1, 1), 16)]]
+    volume = [np.zeros((2, 2, 2, 4), np.float32), np.full((1, 1, 1, 4), 5, np.float32)]
+    test = anyhit.ComputeTest(module, "sample").image("plane", plane[0], levels=plane[1:])
+    test = test.image("volume", volume[0], levels=volume[1:]).sampler("filtering", anyhit.Sampler())
+    outcome = test.buffer("results", np.zeros((5, 4), np.float32)).run()
+    # Half way between the levels 0 and 1.
+    expected = [[16] * 4, [8] * 4, [4] * 4, [5] * 4, [3, 2, 0, 0]]
+    assert outcome.read_buffer("results").tolist() == expected
+    for level in range(3):
+        assert outcome.image("plane", level=level).tolist() == plane[level].tolist()
+    with pytest.raises(anyhit.InvalidArgument, match="level: there is no mip level 3 of 3"):
+        outcome.image("plane", level=3)
+    scene = anyhit.Scene([]).image(0, 0, plane[0], levels=plane[1:])
+    assert scene.read_image(0, 0, level=2).tolist() == [[[16] * 4]]
+
+
+@pytest.mark.parametrize(
+    ("levels", "message"),
+    [
+        ([np.zeros((2, 2, 4), np.float32)], r"levels\[0\]: an array of shape \(2, 2, 4\), not \(1, 2, 4\)"),
+        ([np.zeros((1, 2, 4), np.float64)], r"levels\[0\]: an array of float64"),
+        ([np.zeros((1, 2, 4), np.float32)] * 2, r"levels\[1\]: an array of shape \(1, 2, 4\), not \(1, 1, 4\)"),
+        ([None], r"levels\[0\]"),
+        (3, "levels: expected a list, found int"),
+    ],
+)
+def test_levels_of_another_size_are_refused(levels: Any, message: str) -> None:
+    test = anyhit.ComputeTest(anyhit.Module.from_source("mips.wgsl", MIPS), "sample")
+    with pytest.raises(anyhit.InvalidArgument, match=message):
+        test.image("plane", np.zeros((3, 4, 4), np.float32), levels=levels)

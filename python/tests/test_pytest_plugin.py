@@ -149,3 +149,62 @@ def test_cases_have_a_marker_and_an_empty_file_a_note(project: pytest.Pytester) 
     result = project.runpytest_inprocess()
     result.stdout.fnmatch_lines(["*PytestCollectionWarning: empty.test.toml has no test: *"])
     assert result.parseoutcomes()["passed"] == 2
+
+
+UNIT_TEST = """
+import anyhit
+from pathlib import Path
+
+def test_a_number_is_clamped():
+    module = anyhit.Module.open(Path(__file__).with_name("clamp.wgsl"))
+    found = anyhit.ComputeTest(module).run(outputs={"number": [7]})
+    assert found["number"].tolist() == [3]
+"""
+CLAMP = """@group(0) @binding(0) var<storage, read_write> number: array<u32>;
+
+@compute @workgroup_size(1)
+fn main() {
+    if (number[0] > 3u) {
+        number[0] = 3u;
+    } else {
+        number[0] = 0u;
+    }
+}
+"""
+
+
+def test_coverage_of_shaders_is_written(project: pytest.Pytester) -> None:
+    (project.path / "cases/clamp.wgsl").write_text(CLAMP)
+    (project.path / "cases/test_clamp.py").write_text(UNIT_TEST.replace("[7]", "__import__('numpy').full(1, 7, 'u4')"))
+    result = project.runpytest_subprocess("--anyhit-coverage", "out.lcov", "-p", "no:cacheprovider")
+    result.assert_outcomes(passed=3)
+    result.stdout.fnmatch_lines(["*coverage of shaders*", "*lines *", "written to out.lcov"])
+    alone = (project.path / "out.lcov").read_text()
+    files = {record.split("SF:")[1].split("\n")[0]: record for record in alone.split("end_of_record") if "SF:" in record}
+    ball = next(record for name, record in files.items() if name.endswith("ball.wgsl"))
+    # Line 10 of the shader runs once for the one ray that hits.
+    assert "DA:10,1" in ball and "DA:11,1" in ball
+    clamp = next(record for name, record in files.items() if name.endswith("clamp.wgsl"))
+    # 7 is greater than 3: one branch is taken, the other one is not.
+    assert "DA:6,1" in clamp and "DA:8,0" in clamp
+    if importlib.util.find_spec("xdist") is not None:
+        project.runpytest_subprocess("--anyhit-coverage", "two.lcov", "-n", "2", "-p", "no:cacheprovider")
+        assert (project.path / "two.lcov").read_text() == alone
+    project.runpytest_subprocess("--anyhit-coverage", "out.xml", "-p", "no:cacheprovider")
+    assert "<coverage" in (project.path / "out.xml").read_text()
+
+
+def test_coverages_add_up() -> None:
+    import pickle
+
+    import anyhit
+
+    suite = anyhit.Suite(REPOSITORY / "shaders/pass/sphere/closest-hit/scene.toml")
+    one = suite.run(0, coverage=True).coverage
+    assert one is not None and suite.run(0).coverage is None
+    both = one + one
+    for name, lines in one.lines.items():
+        assert both.lines[name] == {line: 2 * count for line, count in lines.items()}
+    assert pickle.loads(pickle.dumps(one)) == one == one + anyhit.Coverage() != both
+    with pytest.raises(anyhit.InvalidArgument, match="json"):
+        anyhit.Coverage("{")

@@ -10,7 +10,7 @@ use bytemuck::{AnyBitPattern, NoUninit};
 use serde::Serialize;
 
 use crate::loaded_scene::change::{Change, no_instance};
-use crate::many_seeds::ManySeeds;
+use crate::many_seeds::{ManySeeds, run_command};
 use crate::observe::fresh_resources;
 use crate::sanitized::run_sanitized;
 use crate::typed_scene;
@@ -484,6 +484,7 @@ impl LoadedScene {
         let drawn = ManySeeds {
             seeds: 0..seeds,
             levels: scene_levels(&self.scene.document)?,
+            command: Some(run_command(&self.scene)),
             ..ManySeeds::default()
         };
         let outcome = assembled.run(&fresh_resources(&assembled), RunOptions::default());
@@ -555,6 +556,15 @@ impl LoadedScene {
         }
     }
 
+    /// A session that explains or debugs what it is asked for.
+    ///
+    /// # Errors
+    /// As [`LoadedScene::launch`].
+    #[doc(hidden)]
+    pub fn session(&self) -> Result<Session> {
+        Session::new(self.scene.clone())
+    }
+
     /// Explains a ray, a pixel or an invocation, as `anyhit trace-one-ray` prints it: a pixel
     /// (`[u32; 2]` or a launch index `[u32; 3]`), the name of a `[[ray]]`, a
     /// [`Ray`](anyhit_engine::geometry::Ray), or any other [`ExplainRequest`].
@@ -572,7 +582,7 @@ impl LoadedScene {
     /// # Errors
     /// As [`Session::run`]; a trap is part of the text.
     pub fn explain(&self, request: impl Into<ExplainRequest>) -> Result<String> {
-        let (transcript, _) = Session::new(self.scene.clone())?.run(&request.into())?;
+        let (transcript, _) = self.session()?.run(&request.into())?;
         Ok(render::text(&transcript, RenderOptions { summary: true, ..RenderOptions::default() }))
     }
 }

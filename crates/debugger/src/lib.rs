@@ -3,7 +3,8 @@
 //! A [`session`] runs it under an observer and has its events explained by `anyhit_explain`. The
 //! [`debugger`] runs it line by line: breakpoints, watched values, expressions, steps back. Its
 //! front ends are the [`console`] of `anyhit trace-one-ray --interactive` and, with the feature
-//! `adapter`, the debug adapter for editors. Nothing here reads or writes a file or a terminal.
+//! `adapter`, the debug adapter for editors. Nothing here writes a file, and a terminal is the
+//! caller's; only the server of the adapter reads files.
 //!
 //! The crate `anyhit` re-exports what its users need; other items may change in any version.
 

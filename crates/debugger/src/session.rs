@@ -92,9 +92,13 @@ impl Session {
     /// # Errors
     /// As [`assemble()`].
     pub fn new(scene: ResolvedScene) -> Result<Self> {
-        let mut assembled = assemble(&scene)?;
+        Ok(Self::of_assembled(scene.clone(), assemble(&scene)?))
+    }
+
+    /// A session of a scene that is assembled already.
+    pub fn of_assembled(scene: ResolvedScene, mut assembled: Assembled) -> Self {
         assembled.resources.printed = Some(Arc::default());
-        Ok(Self { scene, assembled })
+        Self { scene, assembled }
     }
 
     /// A session of the same scene with copies of all that shaders may write, for another thread.

@@ -20,7 +20,7 @@ impl SceneNames for ResolvedScene {
             PipelineOrigin::Dispatch(module) => module,
             PipelineOrigin::Pipeline(index) => module_of(self.pipeline_at(index), pipeline, shader)?,
         };
-        let module = &self.shaders[module];
+        let module = self.shaders.get(module)?;
         Some(NamedModule { name: &module.name, path: &module.path })
     }
 

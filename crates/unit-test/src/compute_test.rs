@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use serde::Serialize;
 
+use crate::block_counts::BlockCounts;
 use crate::bound::{Bound, reads_what_is_bound};
 use crate::given::{Given, gives_resources};
 #[cfg(feature = "debugger")]
@@ -16,7 +17,7 @@ use anyhit_debugger::console::transcript;
 #[cfg(feature = "debugger")]
 use anyhit_debugger::debugger::Debugger;
 use anyhit_engine::machine::printed::PrintedLine;
-use anyhit_engine::machine::{Descriptor, LaunchLimits};
+use anyhit_engine::machine::{Descriptor, LaunchLimits, Resources};
 use anyhit_engine::module::Module;
 use anyhit_engine::module::interface::Stage;
 use anyhit_engine::pipeline::WrittenMemory;
@@ -59,6 +60,9 @@ pub struct ComputeTest {
     pub(crate) compute: Compute,
     pub(crate) groups: [u32; 3],
     pub(crate) given: Given,
+    /// Whether the test sets `SubgroupSize`, so that no other one is drawn.
+    #[cfg(feature = "debugger")]
+    pub(crate) sets_subgroup_size: bool,
 }
 
 impl ComputeTest {
@@ -77,7 +81,13 @@ impl ComputeTest {
     /// As [`Compute::new`].
     pub fn of(program: impl Into<Arc<Program>>) -> Result<Self> {
         let compute = Compute::new(program)?.launch_limits(LaunchLimits::UNIT_TESTS);
-        Ok(Self { compute, groups: [1; 3], given: Given::default() })
+        Ok(Self {
+            compute,
+            groups: [1; 3],
+            given: Given::default(),
+            #[cfg(feature = "debugger")]
+            sets_subgroup_size: false,
+        })
     }
 
     /// Sets the number of workgroups along x, y and z; one unless set.
@@ -125,7 +135,12 @@ impl ComputeTest {
     /// # Errors
     /// `InvalidArgument` for any other size.
     pub fn subgroup_size(self, size: u32) -> Result<Self> {
-        Ok(Self { compute: self.compute.subgroup_size(size)?, ..self })
+        Ok(Self {
+            compute: self.compute.subgroup_size(size)?,
+            #[cfg(feature = "debugger")]
+            sets_subgroup_size: true,
+            ..self
+        })
     }
 
     /// Runs all workgroups. What they write is in the outcome; the test does not change, so that it
@@ -136,12 +151,26 @@ impl ComputeTest {
     /// for a buffer whose size, or an image whose format, is not the shader's, with both, and for
     /// too many workgroups.
     pub fn run(&self) -> Result<ComputeOutcome> {
+        self.run_by(|resources| self.compute.dispatch(resources, self.groups))
+    }
+
+    /// Runs all workgroups as [`ComputeTest::run`] does, one after the other, and counts blocks and
+    /// branches of the shader.
+    ///
+    /// # Errors
+    /// As [`ComputeTest::run`].
+    #[doc(hidden)]
+    pub fn run_counted(&self, counts: &mut BlockCounts) -> Result<ComputeOutcome> {
+        self.run_by(|resources| self.compute.run_observed(resources, self.groups, &mut |_| (), counts))
+    }
+
+    fn run_by(&self, run: impl FnOnce(&Resources) -> Result<Stats>) -> Result<ComputeOutcome> {
         let program = &self.compute.program;
         self.given.check(program)?;
         let given = &self.given.resources;
         let mut resources = WrittenMemory::of([program], given).copied(given);
         resources.printed = Some(Arc::default());
-        let stats = self.compute.dispatch(&resources, self.groups).map_err(|error: Error| {
+        let stats = run(&resources).map_err(|error: Error| {
             let [x, y, z] = self.groups;
             error.note(format!("of a dispatch of {x} x {y} x {z} workgroups"))
         })?;
@@ -176,11 +205,21 @@ impl ComputeTest {
     /// A trap is part of the transcript.
     #[cfg(feature = "debugger")]
     pub fn debug(&self, id: [u32; 3], commands: &str) -> Result<String> {
+        transcript(self.debugger(id)?, commands)
+    }
+
+    /// The debugger before the first line of an invocation.
+    ///
+    /// # Errors
+    /// `InvalidArgument` for an invocation outside of the workgroups; else the mistakes of
+    /// [`ComputeTest::run`] in what the test gives.
+    #[cfg(feature = "debugger")]
+    #[doc(hidden)]
+    pub fn debugger(&self, id: [u32; 3]) -> Result<Debugger> {
         self.given.check(&self.compute.program)?;
         let mut resources = memory::copied(&self.given.resources);
         resources.printed = Some(Arc::default());
-        let debugger = Debugger::of_compute(&self.compute, &resources, self.groups, id)?;
-        transcript(debugger, commands)
+        Debugger::of_compute(&self.compute, &resources, self.groups, id)
     }
 }
 

@@ -12,6 +12,8 @@ pub mod assertions;
 pub mod block_counts;
 pub mod blocks;
 pub mod bound;
+#[cfg(feature = "debugger")]
+mod compute_scene;
 pub mod compute_test;
 pub mod data;
 pub mod device_buffers;

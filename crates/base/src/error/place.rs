@@ -42,12 +42,29 @@ impl Place {
             Self::Word(_) | Self::File(_) => None,
         }
     }
+
+    /// Returns the column of a place in a text, in characters from 1; `None` where it is not known.
+    #[must_use]
+    pub fn column(&self) -> Option<u32> {
+        match self {
+            Self::Text { text, span, .. } => Some(column_at(text, span.start)),
+            Self::Line { column, .. } => (*column > 0).then_some(*column),
+            Self::Word(_) | Self::File(_) => None,
+        }
+    }
 }
 
 /// Returns the line of a byte offset in a text, from 1.
 pub(super) fn line_at(text: &str, offset: usize) -> u32 {
     let before = &text[..clamp_span(&(offset..offset), text).start];
     u32::try_from(before.matches('\n').count()).map_or(u32::MAX, |lines| lines.saturating_add(1))
+}
+
+/// Returns the column of a byte offset in a text, in characters from 1.
+fn column_at(text: &str, offset: usize) -> u32 {
+    let before = &text[..clamp_span(&(offset..offset), text).start];
+    let line = before.rsplit('\n').next().unwrap_or(before);
+    u32::try_from(line.chars().count()).map_or(u32::MAX, |count| count.saturating_add(1))
 }
 
 /// A span that lies within the text, on character boundaries.
@@ -81,5 +98,17 @@ mod tests {
         let place = Place::Line { file: "b".to_owned(), line: 7, column: 2 };
         assert_eq!(place.file_line(), Some(("b", 7)));
         assert_eq!((Place::Word(1).file_line(), Place::File("c".into()).file_line()), (None, None));
+    }
+
+    #[test]
+    fn columns_count_characters() {
+        let text: Arc<str> = "ab\n\u{e4}x\nc".into();
+        let column =
+            |start| Place::Text { file: String::new(), text: text.clone(), span: start..start }.column();
+        // The letter of two bytes is one column wide; offset 4 is within it.
+        for (start, wanted) in [(0, 1), (1, 2), (2, 3), (3, 1), (4, 1), (5, 2), (7, 1), (99, 2)] {
+            assert_eq!(column(start), Some(wanted), "{start}");
+        }
+        assert_eq!(Place::Line { file: String::new(), line: 3, column: 0 }.column(), None);
     }
 }

@@ -84,6 +84,15 @@ impl Recorder {
     }
 }
 
+impl Coverage {
+    /// What runs of one shader have covered; `path` is that of its module or source.
+    pub fn of_program(program: &Program, counts: &BlockCounts, path: &Path) -> Self {
+        let mut lines = Lines { coverage: Self::default(), modules: Vec::new() };
+        lines.program(program, &counts.ran(ShaderIndex(0)), path);
+        lines.coverage
+    }
+}
+
 /// From blocks and edges of programs to lines, branches and functions of sources.
 struct Lines {
     coverage: Coverage,

@@ -5,6 +5,7 @@
 //! choice, then, by leaving out draws, the one invocation and the one ray or variable.
 
 mod chains;
+pub mod compute_test;
 mod contraction;
 mod executed_kernel;
 mod first_reads;
@@ -54,8 +55,14 @@ pub struct ManySeeds {
     pub levels: Levels,
     /// What is drawn of how floats are calculated with.
     pub floats: FloatChoices,
-    /// The command that repeats the runs, but for its seeds; `None` for `anyhit run` on the scene.
+    /// The command that repeats the runs, but for its seeds; `None` for runs that no command
+    /// repeats.
     pub command: Option<String>,
+}
+
+/// The command that runs a scene, without any options.
+pub fn run_command(scene: &ResolvedScene) -> String {
+    format!("anyhit run {}", shell::word(&escape::path(&scene.path).to_string()))
 }
 
 /// What is drawn of how floats are calculated with, within what the module allows.
@@ -129,8 +136,7 @@ impl ManySeeds {
             |kind: &ChoiceKind| self.floats >= FloatChoices::that_include(*kind) && is_drawn(*kind, levels);
         let (values, others): (BTreeSet<_>, BTreeSet<_>) =
             ChoiceKind::ALL.into_iter().filter(is_wanted).partition(|kind| kind.is_of_values());
-        let path = escape::path(&scene.path).to_string();
-        let command = self.command.clone().unwrap_or_else(|| format!("anyhit run {}", shell::word(&path)));
+        let command = self.command.as_deref();
         let mut search = Search { scene, runs, levels, command, findings: Findings::default() };
         let work = Work::counted("running with random choices", self.seeds.end - self.seeds.start);
         for seed in self.seeds.clone() {
@@ -148,7 +154,7 @@ struct Search<'a> {
     runs: Runs<'a>,
     levels: &'a Levels,
     /// The command that repeats the runs, but for its seeds.
-    command: String,
+    command: Option<&'a str>,
     findings: Findings,
 }
 
@@ -183,7 +189,7 @@ impl Search<'_> {
     fn tell(&mut self, drawing: &Drawing, sites: Vec<ChoiceSite>, difference: RunDifference) {
         let Some(&kind) = drawing.kinds.first() else { return };
         let rule = rule_of(kind);
-        let (runs, scene, level, command) = (&self.runs, self.scene, self.levels.of(rule), &self.command);
+        let (runs, scene, level, command) = (&self.runs, self.scene, self.levels.of(rule), self.command);
         self.findings.add_of_output(rule, runs.output_hash(&difference), || {
             let least = Self::least(runs, drawing, sites);
             let order = Self::smallest_order(runs, &least);

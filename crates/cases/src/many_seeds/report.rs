@@ -23,7 +23,7 @@ pub(super) struct DifferenceReport<'a> {
     pub scene: &'a ResolvedScene,
     pub runs: &'a Runs<'a>,
     /// The command that repeats the runs, but for its seeds.
-    pub command: &'a str,
+    pub command: Option<&'a str>,
     /// The choice that is told, the first of those that are drawn.
     pub kind: ChoiceKind,
     /// What was drawn in the run that is told of.
@@ -85,8 +85,12 @@ impl DifferenceReport<'_> {
             () if drawn(ChoiceKind::is_contracted) => " --contract",
             () => "",
         };
-        let command = format!("{command} --seed-range {seed}..{}{more}", seed + 1);
-        error = error.note(format!("drawn by seed {seed}: {command}"));
+        error = error.note(match command {
+            Some(command) => {
+                format!("drawn by seed {seed}: {command} --seed-range {seed}..{}{more}", seed + 1)
+            }
+            None => format!("drawn by seed {seed}"),
+        });
         Finding { rule, level, count: 0, launch_id, stack: Vec::new(), error }
     }
 

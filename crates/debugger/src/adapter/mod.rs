@@ -18,6 +18,7 @@ mod launch_arguments;
 mod memory;
 mod protocol;
 mod running;
+pub mod server;
 mod sources;
 mod stopped;
 mod threads;

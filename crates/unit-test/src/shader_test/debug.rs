@@ -42,13 +42,22 @@ impl ShaderTest {
     /// `InvalidArgument` for the first command that fails, with its line; else the mistakes of
     /// [`ShaderTest::run`] in what the test gives. A trap is part of the transcript.
     pub fn debug(&self, commands: &str) -> Result<String> {
+        transcript(self.debugger()?, commands)
+    }
+
+    /// The debugger before the first line of the shader.
+    ///
+    /// # Errors
+    /// The mistakes of [`ShaderTest::run`] in what the test gives.
+    #[doc(hidden)]
+    pub fn debugger(&self) -> Result<Debugger> {
         let test = Self { program: Arc::new(self.program.unoptimized()?), ..self.clone() };
         let resources = memory::copied(&test.given_resources()?);
         let bindings = resources.bindings(test.program.bindings());
         let (state, pipeline) =
             (State::Begins(Box::new(test.begin(None)?)), Arc::new(Pipeline::of_shader(&test.program)));
         let debuggee = SteppedTest { test, bindings, state };
-        transcript(Debugger::with(Box::new(debuggee), pipeline, &resources), commands)
+        Ok(Debugger::with(Box::new(debuggee), pipeline, &resources))
     }
 }
 

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use crate::block_counts::BlockCounts;
 use crate::bound::Bound;
 use crate::data::TypedBytes;
 use crate::explain::Explanation;
@@ -38,6 +39,15 @@ impl ShaderTest {
     /// fewer answers than are listed; what an answer returns.
     pub fn run(&self) -> Result<ShaderOutcome> {
         self.run_observed(None)
+    }
+
+    /// Runs the shader as [`ShaderTest::run`] does, and counts its blocks and branches.
+    ///
+    /// # Errors
+    /// As [`ShaderTest::run`].
+    #[doc(hidden)]
+    pub fn run_counted(&self, counts: &mut BlockCounts) -> Result<ShaderOutcome> {
+        self.run_observed(Some(counts))
     }
 
     pub(crate) fn run_observed(&self, mut observer: Option<&mut dyn Observer<1>>) -> Result<ShaderOutcome> {
