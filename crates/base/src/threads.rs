@@ -11,8 +11,8 @@ use crate::interrupt::{ASK_INTERVAL, Interrupt};
 /// The process in which threads of the pool were first used here.
 static POOL_OWNER: PoolOwner = PoolOwner(OnceLock::new());
 
-/// The process whose pool has threads. A forked child inherits the pool without threads: waiting
-/// for them there never returns.
+/// The process whose pool has threads. A forked child inherits the pool without its threads:
+/// waiting for them there never returns.
 struct PoolOwner(OnceLock<u32>);
 
 impl PoolOwner {

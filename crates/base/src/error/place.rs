@@ -4,6 +4,8 @@ use std::ops::Range;
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use serde::{Deserialize, Serialize};
+
 /// The place of a problem in an input.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Place {
@@ -31,9 +33,18 @@ pub enum Place {
     File(PathBuf),
 }
 
+/// The columns of a part of a line. They count characters, from 1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct SourceColumns {
+    /// The first column.
+    pub start: u32,
+    /// The column behind the last; `None` if it is unknown or in another line.
+    pub end: Option<u32>,
+}
+
 impl Place {
-    /// Returns the file name and the line, from 1, of a place in a text; `None` for a word of
-    /// a module and for a file as a whole.
+    /// Returns the name of the file and the line, from 1, of a place in a text; `None` for a word
+    /// of a module and for a file as a whole.
     #[must_use]
     pub fn file_line(&self) -> Option<(&str, u32)> {
         match self {
@@ -43,13 +54,22 @@ impl Place {
         }
     }
 
-    /// Returns the column of a place in a text, in characters from 1; `None` where it is not known.
+    /// Returns the columns of a place in a text; `None` for another place, and where they are
+    /// unknown.
+    #[doc(hidden)]
     #[must_use]
-    pub fn column(&self) -> Option<u32> {
+    pub fn columns(&self) -> Option<SourceColumns> {
         match self {
-            Self::Text { text, span, .. } => Some(column_at(text, span.start)),
-            Self::Line { column, .. } => (*column > 0).then_some(*column),
-            Self::Word(_) | Self::File(_) => None,
+            Self::Text { text, span, .. } => {
+                let span = clamp_span(span, text);
+                let begin = text[..span.start].rfind('\n').map_or(0, |at| at + 1);
+                let column = |end: usize| u32::try_from(text[begin..end].chars().count() + 1).ok();
+                let is_in_line = !span.is_empty() && !text[span.clone()].contains('\n');
+                let end = if is_in_line { column(span.end) } else { None };
+                Some(SourceColumns { start: column(span.start)?, end })
+            }
+            Self::Line { column: 0, .. } | Self::Word(_) | Self::File(_) => None,
+            Self::Line { column, .. } => Some(SourceColumns { start: *column, end: None }),
         }
     }
 }
@@ -58,13 +78,6 @@ impl Place {
 pub(super) fn line_at(text: &str, offset: usize) -> u32 {
     let before = &text[..clamp_span(&(offset..offset), text).start];
     u32::try_from(before.matches('\n').count()).map_or(u32::MAX, |lines| lines.saturating_add(1))
-}
-
-/// Returns the column of a byte offset in a text, in characters from 1.
-fn column_at(text: &str, offset: usize) -> u32 {
-    let before = &text[..clamp_span(&(offset..offset), text).start];
-    let line = before.rsplit('\n').next().unwrap_or(before);
-    u32::try_from(line.chars().count()).map_or(u32::MAX, |count| count.saturating_add(1))
 }
 
 /// A span that lies within the text, on character boundaries.
@@ -102,13 +115,18 @@ mod tests {
 
     #[test]
     fn columns_count_characters() {
-        let text: Arc<str> = "ab\n\u{e4}x\nc".into();
-        let column =
-            |start| Place::Text { file: String::new(), text: text.clone(), span: start..start }.column();
-        // The letter of two bytes is one column wide; offset 4 is within it.
-        for (start, wanted) in [(0, 1), (1, 2), (2, 3), (3, 1), (4, 1), (5, 2), (7, 1), (99, 2)] {
-            assert_eq!(column(start), Some(wanted), "{start}");
-        }
-        assert_eq!(Place::Line { file: String::new(), line: 3, column: 0 }.column(), None);
+        let text: Arc<str> = "ab\n\u{e4}x = y\nc".into();
+        let columns = |span: Range<usize>| {
+            let place = Place::Text { file: "a.rgen".to_owned(), text: text.clone(), span };
+            place.columns().map(|SourceColumns { start, end }| (start, end))
+        };
+        // `y` of the second line: after `äx = `, five characters of six bytes, from byte 3.
+        assert_eq!(columns(9..10), Some((6, Some(7))));
+        assert_eq!(columns(0..2), Some((1, Some(3))));
+        assert_eq!(columns(1..4), Some((2, None)));
+        assert_eq!(columns(5..5), Some((2, None)));
+        let line = |column| Place::Line { file: "b".to_owned(), line: 7, column };
+        assert_eq!(line(2).columns(), Some(SourceColumns { start: 2, end: None }));
+        assert_eq!((line(0).columns(), Place::Word(1).columns()), (None, None));
     }
 }

@@ -110,16 +110,25 @@ pub struct PictureDifference {
     pub expected: Rgba8,
     /// What was found.
     pub found: Rgba8,
+    /// The pixel that differs most, which messages name and pages open.
+    pub worst: [u32; 2],
 }
 
 impl PictureDifference {
-    /// Of the bytes of two pictures of one size; `None` where they are not.
+    /// Of the bytes of two pictures of one size; `None` where they are not. The pixel that differs
+    /// most is the first of those with the greatest difference in a channel.
     pub fn new(name: &str, [width, height]: [u32; 2], expected: Vec<u8>, found: Vec<u8>) -> Option<Self> {
         let picture = |pixels: Vec<u8>| {
             let size = 4 * u64::from(width) * u64::from(height);
             (pixels.len() as u64 == size).then_some(Rgba8 { extent: [width, height], pixels })
         };
-        Some(Self { name: name.into(), expected: picture(expected)?, found: picture(found)? })
+        let (expected, found) = (picture(expected)?, picture(found)?);
+        let mut compared = Self { name: name.into(), expected, found, worst: [0; 2] };
+        let greatest = |most: (usize, u8), one: (usize, u8)| if one.1 > most.1 { one } else { most };
+        let (at, _) = compared.distances().into_iter().enumerate().fold((0, 0), greatest);
+        let row = width.max(1) as usize;
+        compared.worst = [(at % row) as u32, (at / row) as u32];
+        Some(compared)
     }
 
     /// By pixel, the greatest difference of a channel.
@@ -131,8 +140,8 @@ impl PictureDifference {
         pixels.map(distance).collect()
     }
 
-    /// The picture of differences. Equal pixels are black; others have one hue, whose brightness
-    /// is the greatest difference of a channel relative to that of all pixels.
+    /// The picture of the differences. Equal pixels are black; others have one hue, whose
+    /// brightness is the greatest difference of a channel relative to that of all pixels.
     pub fn difference(&self) -> Rgba8 {
         let distances = self.distances();
         let most = distances.iter().copied().max().unwrap_or(0).max(1);
