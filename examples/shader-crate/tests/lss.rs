@@ -11,7 +11,7 @@ fn glsl() -> Result<ShaderTest> {
     ShaderTest::new(&module, "main")
 }
 
-/// The same in Slang.
+/// The closest-hit shader in Slang.
 fn slang() -> Result<ShaderTest> {
     let module = Module::from_spirv(shader_crate::LSS_SLANG)?;
     ShaderTest::new(&module, "lss")
