@@ -1,8 +1,8 @@
 ;;; session.el --- A session of Emacs' dap-mode with `anyhit dap' -*- lexical-binding: t -*-
 
 ;; Emacs itself debugs a pixel: dap-mode starts the adapter, sets a breakpoint, goes where it
-;; stops, steps, evaluates and lets the ray end. Adapter and template are those of the snippet in
-;; docs/debugging.md. `.ci/judge-editors' runs it.
+;; stops, steps, evaluates and lets the ray end. Adapter, template and file types are those of the
+;; snippets in docs/debugging.md. `.ci/judge-editors' runs it.
 ;;
 ;; The scene's facts are those of tests/debugger/dap/vscode-swept-spheres.jsonl: the ray meets two swept
 ;; spheres, the any-hit shader ignores the first, and the closest hit is on the one from (-1, 0, 4)
@@ -28,10 +28,19 @@
 
 (with-temp-buffer
   (insert-file-contents (expand-file-name "docs/debugging.md" session-root))
-  (search-forward "```elisp\n")
-  (let ((begin (point)))
-    (search-forward "\n```\n")
-    (eval-region begin (match-beginning 0))))
+  (let ((snippets 0))
+    (while (search-forward "```elisp\n" nil t)
+      (let ((begin (point)))
+        (search-forward "\n```\n")
+        (eval-region begin (match-beginning 0))
+        (setq snippets (1+ snippets))))
+    (unless (= snippets 2)
+      (error "The page has %d snippets, not 2" snippets))))
+
+;; Each stage is a file of glsl-mode.
+(dolist (stage '("rgen" "rint" "rahit" "rchit" "rmiss" "rcall" "comp"))
+  (unless (eq 'glsl-mode (assoc-default (concat "main." stage) auto-mode-alist #'string-match))
+    (error "main.%s is no file of glsl-mode" stage)))
 
 (defun session-wait (what condition)
   "Wait until CONDITION holds, or fail with WHAT."

@@ -47,6 +47,10 @@ def test_the_code_of_a_page_runs(
     for block in blocks(page):
         if "file" in block.words:
             (tmp_path / block.words["file"]).write_text(block.text)
+        elif block.language == "sh":
+            # `.ci/judge-python` runs the commands that install, `test_ray.py` those of the examples.
+            elsewhere = ("pip install ", "maturin build ", "python examples/scale/")
+            assert all(line == "pytest" or line.startswith(elsewhere) for line in block.text.splitlines())
         elif block.language == "python":
             needs = block.words.get("needs", "").split(",")
             absent = [tool for tool in needs if tool and not is_there(tool)]

@@ -150,45 +150,6 @@ fn bazel_does_every_share() {
     compare(&folder, "anyhit merge results/*.json");
 }
 
-/// Every command line of the page's text blocks is one that the program takes.
-#[test]
-fn the_commands_of_the_page_are_real() {
-    let page = page();
-    let blocks = page.split("```text\n").skip(1).filter_map(|rest| rest.split("```").next());
-    let mut count = 0;
-    for line in blocks.flat_map(str::lines).filter(|line| line.starts_with("anyhit ") && !line.contains('['))
-    {
-        let words = line.split('#').next().unwrap_or_default().split_whitespace();
-        let parsed = anyhit::cli::command().try_get_matches_from(words);
-        assert!(parsed.is_ok(), "{line}: {parsed:?}");
-        count += 1;
-    }
-    assert!(count >= 6, "{count} lines");
-}
-
-/// The first lines of the page, for each shard and then for all.
-#[test]
-fn the_example_of_the_page_does_every_share() {
-    let page = page();
-    let block = page.split("```text\n").nth(1).and_then(|rest| rest.split("```").next()).expect("a block");
-    let folder = scratch("recipe-page");
-    let here = |name: &str| format!("{}/{name}", folder.display());
-    for shard in 1..=4 {
-        let command = line(block, "anyhit test").split('#').next().expect("a command");
-        let command = command.replace("1/4", &format!("{shard}/4"));
-        let command = command.replace("1.lcov", &here(&format!("{shard}.lcov")));
-        let ran = shell(&command.replace("1.json", &here(&format!("{shard}.json"))), &folder, &[]);
-        assert_eq!(ran.code, Some(0), "{}", ran.err);
-    }
-    let mut merge = line(block, "anyhit merge").to_owned();
-    for name in ["1.json", "2.json", "3.json", "4.json", "junit.xml", "coverage.lcov"] {
-        merge = merge.replace(name, &here(name));
-    }
-    let ran = shell(&merge, &folder, &[]);
-    assert_eq!(ran.code, Some(0), "{}", ran.err);
-    assert!(folder.join("junit.xml").is_file() && folder.join("coverage.lcov").is_file());
-}
-
 /// A command of a recipe that goes on over several lines: those that stand further in.
 fn folded(text: &str, words: &str) -> String {
     let depth = |line: &str| line.len() - line.trim_start().len();

@@ -17,7 +17,7 @@ use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 use serde_json::{Map, Value, json};
 
 /// The program, as an editor runs it.
-struct Adapter {
+pub(super) struct Adapter {
     child: Child,
     input: Option<ChildStdin>,
     output: BufReader<ChildStdout>,
@@ -25,7 +25,7 @@ struct Adapter {
 }
 
 impl Adapter {
-    fn start() -> Self {
+    pub(super) fn start() -> Self {
         let mut child = Command::new(env!("CARGO_BIN_EXE_anyhit"))
             .args(["dap", "--fuel", "1000000000000"])
             .current_dir(env!("CARGO_MANIFEST_DIR"))
@@ -48,7 +48,7 @@ impl Adapter {
         self.write(format!("Content-Length: {}\r\n\r\n{text}", text.len()).as_bytes());
     }
 
-    fn request(&mut self, command: &str, arguments: &Value) -> i64 {
+    pub(super) fn request(&mut self, command: &str, arguments: &Value) -> i64 {
         self.seq += 1;
         let mut message = json!({ "seq": self.seq, "type": "request", "command": command });
         if !arguments.is_null() {
@@ -59,7 +59,7 @@ impl Adapter {
     }
 
     /// The next message; `None` where the program has ended.
-    fn receive(&mut self) -> Option<Value> {
+    pub(super) fn receive(&mut self) -> Option<Value> {
         let mut header = String::new();
         if self.output.read_line(&mut header).expect("a header") == 0 {
             return None;

@@ -4,6 +4,8 @@
 mod console;
 #[cfg(feature = "debugger")]
 mod dap;
+#[cfg(feature = "debugger")]
+mod documented_configurations;
 #[cfg(feature = "wgsl")]
 mod explanations;
 mod expressions;

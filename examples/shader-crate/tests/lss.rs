@@ -1,9 +1,7 @@
 //! The normal of a linear swept sphere, in GLSL and in Slang.
 
-use std::sync::Arc;
-
 use anyhit::strategies::lss_hit;
-use anyhit::{Error, ErrorKind, Hit, Instance, Module, Ray, Result, ShaderTest};
+use anyhit::{Hit, Instance, Module, Ray, Result, ShaderTest};
 use anyhit::{assert_near, assert_payload_eq, assert_ulps};
 use proptest::prelude::*;
 
@@ -13,13 +11,9 @@ fn glsl() -> Result<ShaderTest> {
     ShaderTest::new(&module, "main")
 }
 
-/// The source where `slangc` is installed, else what it made of it.
+/// The closest-hit shader in Slang.
 fn slang() -> Result<ShaderTest> {
-    let compiled = |error: Error| match error.kind() {
-        ErrorKind::UnsupportedTool => Module::open("spirv/lss.slang.spv"),
-        _ => Err(error),
-    };
-    let module: Arc<Module> = Module::open("shaders/lss.slang").or_else(compiled)?;
+    let module = Module::from_spirv(shader_crate::LSS_SLANG)?;
     ShaderTest::new(&module, "lss")
 }
 
