@@ -6,6 +6,7 @@ mod atomic_files;
 mod bare_modules;
 mod cli;
 mod looking;
+mod looking_compute;
 mod printed_commands;
 mod shares;
 mod shares_recipes;

@@ -111,6 +111,8 @@ fn picture_difference(loaded: &Loaded, observed: &Observed, path: PathBuf) -> Re
     let mut difference = differs(&path, message);
     difference.subject = bytes.texel([x, y]);
     difference.fix = Some(renewed);
-    difference.picture = PictureDifference::new(&bytes.name, found.extent, expected, pixels).map(Box::new);
+    let compared = PictureDifference::new(&bytes.name, found.extent, expected, pixels);
+    let sources = [None, Some((found, encoding))];
+    difference.picture = compared.map(|compared| Box::new(PictureDifference { sources, ..compared }));
     Ok(Some(difference))
 }

@@ -3,7 +3,7 @@
 use anyhit_base::error::names::nearest;
 use anyhit_base::error::{Error, ErrorKind};
 use anyhit_engine::math::array;
-use anyhit_scene::image::Rgba8;
+use anyhit_scene::image::{Picture, PixelEncoding, Rgba8};
 use anyhit_scene::read::{Span, Spanned};
 
 /// How many differences of one table are shown.
@@ -110,6 +110,9 @@ pub struct PictureDifference {
     pub expected: Rgba8,
     /// What was found.
     pub found: Rgba8,
+    /// The images or files of both, expected first, with the encodings that made their pixels;
+    /// `None` where the pixels are all that is known.
+    pub sources: [Option<(Picture, PixelEncoding)>; 2],
 }
 
 impl PictureDifference {
@@ -119,7 +122,8 @@ impl PictureDifference {
             let size = 4 * u64::from(width) * u64::from(height);
             (pixels.len() as u64 == size).then_some(Rgba8 { extent: [width, height], pixels })
         };
-        Some(Self { name: name.into(), expected: picture(expected)?, found: picture(found)? })
+        let (expected, found) = (picture(expected)?, picture(found)?);
+        Some(Self { name: name.into(), expected, found, sources: [None, None] })
     }
 
     /// By pixel, the greatest difference of a channel.

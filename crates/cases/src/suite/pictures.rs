@@ -43,8 +43,8 @@ pub(super) fn save_page(
     };
     let scene = shell::word(&loaded.scene.path.to_string_lossy());
     // The scene of a variant does not know its name.
-    let command =
-        (is_launched && !is_variant).then(|| [format!("anyhit trace-one-ray {scene}"), String::new()]);
+    let command = (is_launched && !is_variant)
+        .then(|| [format!("anyhit trace-one-ray {scene} --pixel "), String::new()]);
     let page = failed_picture(test, picture, session.as_ref(), command)?;
     let path = folder.join(inside(test)).join(inside(&picture.name)).join("page.html");
     atomic_file::write_unsynced(&path, page.html())?;
@@ -88,8 +88,8 @@ mod tests {
         let own = folder.path().join("own");
         let one = Rgba8 { extent: [1, 1], pixels: vec![0; 4] };
         for name in ["../out", "/out", "a/../../out"] {
-            let picture =
-                PictureDifference { name: name.to_owned(), expected: one.clone(), found: one.clone() };
+            let picture = PictureDifference::new(name, [1, 1], one.pixels.clone(), one.pixels.clone())
+                .expect("a picture");
             let saved = save(&own, "../test", &picture).expect("a writable folder");
             assert_eq!(saved.len(), 3);
             for path in saved {
