@@ -10,7 +10,7 @@ pub type Drawn<T> = Result<T, Box<dyn std::error::Error>>;
 
 /// A shape that tells a series from others without its colour.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Shape {
+pub enum MarkerShape {
     Circle,
     Square,
     Diamond,
@@ -23,7 +23,7 @@ pub enum Shape {
 /// How the points of a series look.
 #[derive(Clone, Copy, Debug)]
 pub struct Marker {
-    pub shape: Shape,
+    pub shape: MarkerShape,
     pub colour: RGBColor,
     /// Whether the shape is filled; an outline otherwise.
     pub is_filled: bool,
@@ -39,19 +39,19 @@ impl Marker {
             points.iter().map(|(dx, dy)| (x + dx * size / 10, y + dy * size / 10)).collect()
         };
         let (outline, is_line): (&[(i32, i32)], bool) = match self.shape {
-            Shape::Circle => {
+            MarkerShape::Circle => {
                 let (paper, style) = (WHITE.filled(), ShapeStyle::from(self.colour).stroke_width(2));
                 area.draw(&Circle::new((x, y), 6, paper))?;
                 let style = if self.is_filled { self.colour.filled() } else { style };
                 area.draw(&Circle::new((x, y), 5, style))?;
                 return Ok(());
             }
-            Shape::Square => (&[(-8, -8), (8, -8), (8, 8), (-8, 8), (-8, -8)], false),
-            Shape::Diamond => (&[(0, -18), (18, 0), (0, 18), (-18, 0), (0, -18)], false),
-            Shape::TriangleUp => (&[(0, -11), (11, 9), (-11, 9), (0, -11)], false),
-            Shape::TriangleDown => (&[(0, 11), (11, -9), (-11, -9), (0, 11)], false),
-            Shape::Cross => (&[(-9, -9), (9, 9), (0, 0), (9, -9), (-9, 9)], true),
-            Shape::Plus => (&[(-11, 0), (11, 0), (0, 0), (0, -11), (0, 11)], true),
+            MarkerShape::Square => (&[(-8, -8), (8, -8), (8, 8), (-8, 8), (-8, -8)], false),
+            MarkerShape::Diamond => (&[(0, -18), (18, 0), (0, 18), (-18, 0), (0, -18)], false),
+            MarkerShape::TriangleUp => (&[(0, -11), (11, 9), (-11, 9), (0, -11)], false),
+            MarkerShape::TriangleDown => (&[(0, 11), (11, -9), (-11, -9), (0, 11)], false),
+            MarkerShape::Cross => (&[(-9, -9), (9, 9), (0, 0), (9, -9), (-9, 9)], true),
+            MarkerShape::Plus => (&[(-11, 0), (11, 0), (0, 0), (0, -11), (0, 11)], true),
         };
         let points = scaled(5, outline);
         match is_line || !self.is_filled {

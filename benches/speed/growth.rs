@@ -10,7 +10,7 @@ use plotters::prelude::*;
 
 use anyhit_engine::accel::RayFlags;
 
-use crate::figure::{Drawn, Marker, Shape, field, power_of_ten, recorded};
+use crate::figure::{Drawn, Marker, MarkerShape, field, power_of_ten, recorded};
 use crate::ready::{build, load_and_lower};
 use crate::table::Table;
 use crate::traverse::measure;
@@ -145,10 +145,10 @@ pub fn draw_recorded() -> Drawn<()> {
 /// Marks of the lines of a panel. Lines that run together differ in their strokes, too: the later
 /// ones are thinner.
 const MARKERS: [Marker; 4] = [
-    Marker { shape: Shape::Circle, colour: RGBColor(0x00, 0x72, 0xB2), is_filled: true },
-    Marker { shape: Shape::Square, colour: RGBColor(0xD5, 0x5E, 0x00), is_filled: true },
-    Marker { shape: Shape::TriangleUp, colour: RGBColor(0x00, 0x00, 0x00), is_filled: false },
-    Marker { shape: Shape::Cross, colour: RGBColor(0xB0, 0x52, 0x86), is_filled: false },
+    Marker { shape: MarkerShape::Circle, colour: RGBColor(0x00, 0x72, 0xB2), is_filled: true },
+    Marker { shape: MarkerShape::Square, colour: RGBColor(0xD5, 0x5E, 0x00), is_filled: true },
+    Marker { shape: MarkerShape::TriangleUp, colour: RGBColor(0x00, 0x00, 0x00), is_filled: false },
+    Marker { shape: MarkerShape::Cross, colour: RGBColor(0xB0, 0x52, 0x86), is_filled: false },
 ];
 const STROKES: [u32; 4] = [4, 4, 1, 1];
 

@@ -7,7 +7,7 @@ use std::path::Path;
 use plotters::coord::Shift;
 use plotters::prelude::*;
 
-use crate::figure::{Drawn, Marker, Shape, field, power_of_ten, recorded};
+use crate::figure::{Drawn, Marker, MarkerShape, field, power_of_ten, recorded};
 
 /// One contender in one scene.
 pub struct Point {
@@ -32,18 +32,21 @@ const LEGEND_HEIGHT: u32 = 104;
 
 /// The contenders, the engine's own modes first, which are filled.
 const MARKERS: [(&str, Marker); 7] = [
-    ("exact", Marker { shape: Shape::Circle, colour: RGBColor(0x00, 0x72, 0xB2), is_filled: true }),
-    ("double", Marker { shape: Shape::Diamond, colour: RGBColor(0xD5, 0x5E, 0x00), is_filled: true }),
-    ("float", Marker { shape: Shape::TriangleUp, colour: RGBColor(0x00, 0x9E, 0x73), is_filled: true }),
-    ("careful f32", Marker { shape: Shape::Square, colour: RGBColor(0x00, 0x00, 0x00), is_filled: false }),
-    ("naive f32", Marker { shape: Shape::Cross, colour: RGBColor(0xB0, 0x52, 0x86), is_filled: false }),
+    ("exact", Marker { shape: MarkerShape::Circle, colour: RGBColor(0x00, 0x72, 0xB2), is_filled: true }),
+    ("double", Marker { shape: MarkerShape::Diamond, colour: RGBColor(0xD5, 0x5E, 0x00), is_filled: true }),
+    ("float", Marker { shape: MarkerShape::TriangleUp, colour: RGBColor(0x00, 0x9E, 0x73), is_filled: true }),
+    (
+        "careful f32",
+        Marker { shape: MarkerShape::Square, colour: RGBColor(0x00, 0x00, 0x00), is_filled: false },
+    ),
+    ("naive f32", Marker { shape: MarkerShape::Cross, colour: RGBColor(0xB0, 0x52, 0x86), is_filled: false }),
     (
         "slabs f32",
-        Marker { shape: Shape::TriangleDown, colour: RGBColor(0x8A, 0x6A, 0x00), is_filled: false },
+        Marker { shape: MarkerShape::TriangleDown, colour: RGBColor(0x8A, 0x6A, 0x00), is_filled: false },
     ),
     (
         "capsule by distance",
-        Marker { shape: Shape::Plus, colour: RGBColor(0x66, 0x66, 0x66), is_filled: false },
+        Marker { shape: MarkerShape::Plus, colour: RGBColor(0x66, 0x66, 0x66), is_filled: false },
     ),
 ];
 

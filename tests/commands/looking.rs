@@ -236,7 +236,7 @@ fn a_profile_has_every_instruction_at_its_line_below_its_callers() {
         assert!(shaders[0] == 0 && frames[0].starts_with("RayGenerationKHR "), "{stack}");
         let inner = match shaders[..] {
             [_] => 0,
-            [_, called] => {
+            [_, called, ..] => {
                 assert_eq!((called, frames[1]), (2, caller.as_str()), "{stack}");
                 called
             }

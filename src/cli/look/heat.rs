@@ -2,7 +2,6 @@
 
 use serde_json::{Value, json};
 
-use crate::cli::look::ExplainCommand;
 use anyhit_base::sorted::json_object;
 use anyhit_cases::drawing::heat_map::number;
 use anyhit_cases::picture_page::{WORST, heat_facts};
@@ -11,8 +10,9 @@ use anyhit_cases::pixel_cost::{Heat, InvocationPlane};
 /// The version of what `--json` prints.
 const VERSION: u32 = 1;
 
-/// A heat map as text, with commands that explain the worst invocations.
-pub(super) fn format_heat(heat: &Heat, plane: &InvocationPlane, command: Option<&ExplainCommand>) -> String {
+/// A heat map as text, with commands that explain the worst invocations: what is before and behind
+/// the ID of each.
+pub(super) fn format_heat(heat: &Heat, plane: &InvocationPlane, command: Option<&[String; 2]>) -> String {
     let word = plane.kind.word();
     let mut text = format!("{}, {}\n", heat.title(), plane.size_words());
     for line in heat_facts(heat) {
@@ -43,8 +43,8 @@ pub(super) fn format_heat(heat: &Heat, plane: &InvocationPlane, command: Option<
     text
 }
 
-/// A heat map as JSON.
-pub(super) fn heat_json(heat: &Heat, plane: &InvocationPlane, command: Option<&ExplainCommand>) -> String {
+/// A heat map as JSON, with commands as [`format_heat`] has them.
+pub(super) fn heat_json(heat: &Heat, plane: &InvocationPlane, command: Option<&[String; 2]>) -> String {
     const PERCENTS: [u32; 5] = [0, 50, 90, 99, 100];
     let percentiles = heat.percentiles(PERCENTS);
     let percentiles = json_object(

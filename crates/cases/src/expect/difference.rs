@@ -135,8 +135,8 @@ impl PictureDifference {
         pixels.map(distance).collect()
     }
 
-    /// The picture of the differences. Equal pixels are black; others have one hue, whose brightness
-    /// is the greatest difference of a channel relative to that of all pixels.
+    /// The picture of the differences. Equal pixels are black; others have one hue, whose
+    /// brightness is the greatest difference of a channel relative to that of all pixels.
     pub fn difference(&self) -> Rgba8 {
         let distances = self.distances();
         let most = distances.iter().copied().max().unwrap_or(0).max(1);

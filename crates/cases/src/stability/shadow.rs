@@ -36,11 +36,11 @@ pub fn shadow(scene: &ResolvedScene, assembled: &Assembled) -> Result<(ShadowFin
     trap_of(outcome).map(|trap| (sum, trap))
 }
 
-/// Runs a scene's passes as [`shadow`] does. Returns for each invocation of one of its passes, of so
-/// many invocations, how far what it writes to images is from f64 arithmetic: the greatest error of a
-/// float component, before it is converted to the image's format, in units in the last place of an
-/// f32. Where a number is not finite on one of the two sides there is nothing to compare: it has no
-/// error.
+/// Runs a scene's passes as [`shadow`] does. Returns for each invocation of one of its passes, of
+/// so many invocations, how far what it writes to images is from f64 arithmetic: the greatest error
+/// of a float component, before it is converted to the image's format, in units in the last place
+/// of an f32. Where a number is not finite on one of the two sides there is nothing to compare: it
+/// has no error.
 ///
 /// # Errors
 /// As [`shadow`], and the first trap.

@@ -38,13 +38,14 @@
   list(by("facts"), data.facts);
 
   // The invocations behind the pixels: their IDs are numbered in launch order, x fastest.
-  const { word, size: [across, down], stride, dimensions } = data.invocations;
+  const { word, size: [across, down, depth], stride, dimensions } = data.invocations;
   for (const place of document.querySelectorAll(".word")) place.textContent = word;
   const idOf = (x, y) => {
     const at = y * stride + x;
     return [at % across, Math.floor(at / across) % down, Math.floor(at / across / down)].slice(0, dimensions);
   };
-  const pixelOf = ([x, y, z = 0]) => {
+  const pixelOf = (id) => {
+    const [x, y, z] = [across, down, depth].map((side, axis) => Math.min(Math.max(id[axis] ?? 0, 0), side - 1));
     const at = (z * down + y) * across + x;
     return [at % stride, Math.floor(at / stride)];
   };
@@ -558,7 +559,6 @@
     }
   }
 
-  const [, , depth] = data.invocations.size;
   // Invocations beyond a picture are not shown.
   by("x").max = (stride === across ? width : across) - 1;
   by("y").max = (stride === across && depth === 1 ? height : down) - 1;
