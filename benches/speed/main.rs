@@ -2,7 +2,8 @@
 //! shading.
 //!
 //! `cargo bench --bench speed` prints a table; an argument after `--` chooses the rows whose names
-//! begin with it. Without `--bench` (`cargo test --benches`) everything runs once and small.
+//! begin with it; `--draw` draws docs/growth.svg from the values of the last complete run. Without
+//! `--bench` (`cargo test --benches`) everything runs once and small.
 //!
 //! Processor time (of all threads of the process) is what is counted, as wall time doubles on a
 //! busy machine. Each row is the median of several runs.
@@ -12,6 +13,8 @@
 #[cfg(feature = "stress")]
 mod builders;
 mod clock;
+#[path = "../figure/mod.rs"]
+mod figure;
 mod frames;
 mod growth;
 mod ready;
@@ -26,7 +29,11 @@ use table::Table;
 fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let full = arguments.iter().any(|argument| argument == "--bench");
+    let only_draws = arguments.iter().any(|argument| argument == "--draw");
     let wanted = arguments.into_iter().find(|argument| !argument.starts_with('-'));
+    if only_draws {
+        return growth::draw_recorded().expect("a figure");
+    }
     if threads::is_worker() {
         return threads::work(full);
     }

@@ -81,12 +81,11 @@ pub struct Errors {
     pub missed: usize,
     pub extra: usize,
     pub other: usize,
-    pub rays: usize,
 }
 
 impl Errors {
     pub fn of(truth: &[ReferenceHit], hits: &[Option<(f32, u32, u32)>]) -> Self {
-        let mut out = Self { rays: truth.len(), ..Self::default() };
+        let mut out = Self::default();
         for ReferenceHit { ray, hit } in truth {
             match (hit, hits[*ray]) {
                 (None, None) => {}

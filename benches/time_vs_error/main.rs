@@ -2,7 +2,8 @@
 //! under formulas as they are published.
 //!
 //! ```sh
-//! cargo bench --bench time_vs_error              # all; writes docs/time-vs-error.svg
+//! cargo bench --bench time_vs_error              # all; records and draws docs/time-vs-error.svg
+//! cargo bench --bench time_vs_error -- --draw    # draws the recorded values
 //! cargo bench --bench time_vs_error -- --quick   # a look; writes target/time-vs-error.svg
 //! cargo bench --bench time_vs_error -- grass     # scenes whose names begin so; draws nothing
 //! ```
@@ -18,6 +19,8 @@
 #![allow(clippy::print_stdout, reason = "a table is printed")]
 
 mod contender;
+#[path = "../figure/mod.rs"]
+mod figure;
 mod judge;
 mod pass;
 mod plot;
@@ -47,6 +50,11 @@ use textbook::{CapsuleByDistance, MoellerTrumbore, NaiveSphere, RecentredSphere,
 const ROUNDS: usize = 9;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let root = PathBuf::from(env!("CARGO_MANIFEST_DIR"));
+    let record = root.join("benches/time_vs_error/recorded.tsv");
+    if std::env::args().any(|argument| argument == "--draw") {
+        return plot::draw_recorded(&record, &root.join("docs/time-vs-error.svg"));
+    }
     let quick = std::env::args().any(|argument| argument == "--quick");
     let chosen: Vec<String> =
         std::env::args().skip(1).filter(|argument| !argument.starts_with("--")).collect();
@@ -54,7 +62,6 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let copies = if quick { 1 } else { 7 };
     let judged = if quick { 60 } else { 1000 };
     let mut panels = Vec::new();
-    let mut names: Vec<&'static str> = Vec::new();
     for scene in scene::scenes(quick).into_iter().filter(|scene| is_chosen(scene.name)) {
         let truth = judge::reference_hits(&scene, judged);
         let trees = SceneBvhs::of(&scene);
@@ -93,7 +100,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             "  {:<22} {:>8} {:>7} {:>9} {:>9} {:>9} {:>11} {:>7} {:>6} {:>6}",
             "", "ns/ray", "exact=1", "p50 ulp", "p99", "p99.9", "max", "missed", "extra", "other"
         );
-        let exact = contenders.iter().position(|name| *name == "Exact").expect("one is exact");
+        let exact = contenders.iter().position(|name| *name == "exact").expect("one is exact");
         let ratio =
             |times: &[f64], exact: &[f64]| median(times.iter().zip(exact).map(|(a, b)| a / b).collect());
         let ratios: Vec<f64> = times.iter().map(|one| ratio(one, &times[exact])).collect();
@@ -113,30 +120,29 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                 errors.extra,
                 errors.other
             );
-            if !names.contains(name) {
-                names.push(name);
-            }
             if !name.starts_with("engine") {
                 points.push(Point {
-                    name,
+                    name: (*name).to_owned(),
                     nanoseconds: medians[place],
                     p99: errors.at(0.99),
-                    wrong: errors.wrong() as f64 / errors.rays as f64,
+                    is_wrong: errors.wrong() > 0,
                 });
             }
-            if *name == "Exact" || *name == "engine, Exact" {
+            if *name == "exact" || *name == "engine, exact" {
                 assert!(errors.wrong() == 0 && errors.at(1.0) <= 0.5, "the exact mode is wrong: {errors:?}");
             }
         }
-        panels.push(Panel { scene: scene.name, points });
+        panels.push(Panel { scene: scene.name.to_owned(), points });
     }
     if !chosen.is_empty() {
         return Ok(());
     }
-    names.retain(|name| !name.starts_with("engine"));
-    let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join(if quick { "target" } else { "docs" });
-    let path = folder.join("time-vs-error.svg");
-    plot::draw(&path, &panels, &names)?;
+    let (record, path) = match quick {
+        true => (root.join("target/time-vs-error.tsv"), root.join("target/time-vs-error.svg")),
+        false => (record, root.join("docs/time-vs-error.svg")),
+    };
+    plot::record(&record, &panels)?;
+    plot::draw_recorded(&record, &path)?;
     println!("\n{}", path.display());
     Ok(())
 }
@@ -167,38 +173,38 @@ type Run<'a> = Box<dyn FnMut(&[Ray], &mut Vec<Hit>) + 'a>;
 fn contenders<'a>(scene: &'a Scene, trees: &'a SceneBvhs) -> Vec<(&'static str, Run<'a>)> {
     let mut out: Vec<(&'static str, Run<'a>)> = match scene.shapes[0] {
         Shape::Sphere(..) => vec![
-            ("Exact", runner::<Ours<block::Sphere4, EXACT>>(scene, trees)),
-            ("Double", runner::<Ours<block::Sphere4, DOUBLE>>(scene, trees)),
-            ("Float", runner::<Ours<block::Sphere4, FLOAT>>(scene, trees)),
-            ("recentred f32", runner::<RecentredSphere>(scene, trees)),
+            ("exact", runner::<Ours<block::Sphere4, EXACT>>(scene, trees)),
+            ("double", runner::<Ours<block::Sphere4, DOUBLE>>(scene, trees)),
+            ("float", runner::<Ours<block::Sphere4, FLOAT>>(scene, trees)),
+            ("careful f32", runner::<RecentredSphere>(scene, trees)),
             ("naive f32", runner::<NaiveSphere>(scene, trees)),
         ],
         Shape::Swept(..) => vec![
-            ("Exact", runner::<Ours<block::LinearSweptSphere4, EXACT>>(scene, trees)),
-            ("Double", runner::<Ours<block::LinearSweptSphere4, DOUBLE>>(scene, trees)),
-            ("Float", runner::<Ours<block::LinearSweptSphere4, FLOAT>>(scene, trees)),
-            ("recentred f32", runner::<RoundCone<true>>(scene, trees)),
+            ("exact", runner::<Ours<block::LinearSweptSphere4, EXACT>>(scene, trees)),
+            ("double", runner::<Ours<block::LinearSweptSphere4, DOUBLE>>(scene, trees)),
+            ("float", runner::<Ours<block::LinearSweptSphere4, FLOAT>>(scene, trees)),
+            ("careful f32", runner::<RoundCone<true>>(scene, trees)),
             ("naive f32", runner::<RoundCone<false>>(scene, trees)),
             ("capsule by distance", runner::<CapsuleByDistance>(scene, trees)),
         ],
         Shape::Triangle(_) => vec![
-            ("Exact", runner::<ExactTriangles>(scene, trees)),
-            ("Double", runner::<Ours<block::Triangle4, DOUBLE>>(scene, trees)),
-            ("Float", runner::<Ours<block::Triangle4, FLOAT>>(scene, trees)),
-            ("Möller-Trumbore", runner::<MoellerTrumbore>(scene, trees)),
-            ("Woop", runner::<Woop>(scene, trees)),
+            ("exact", runner::<ExactTriangles>(scene, trees)),
+            ("double", runner::<Ours<block::Triangle4, DOUBLE>>(scene, trees)),
+            ("float", runner::<Ours<block::Triangle4, FLOAT>>(scene, trees)),
+            ("naive f32", runner::<MoellerTrumbore>(scene, trees)),
+            ("careful f32", runner::<Woop>(scene, trees)),
         ],
         Shape::Aabb(_) => vec![
-            ("Exact", runner::<Ours<block::Aabb4, EXACT>>(scene, trees)),
-            ("Double", runner::<Ours<block::Aabb4, DOUBLE>>(scene, trees)),
-            ("Float", runner::<Ours<block::Aabb4, FLOAT>>(scene, trees)),
+            ("exact", runner::<Ours<block::Aabb4, EXACT>>(scene, trees)),
+            ("double", runner::<Ours<block::Aabb4, DOUBLE>>(scene, trees)),
+            ("float", runner::<Ours<block::Aabb4, FLOAT>>(scene, trees)),
             ("slabs f32", runner::<Slabs>(scene, trees)),
         ],
     };
     if !matches!(scene.shapes[0], Shape::Aabb(_)) && has_all_caps(scene) {
-        out.push(("engine, Exact", engine(scene, Precision::Exact)));
-        out.push(("engine, Double", engine(scene, Precision::Double)));
-        out.push(("engine, Float", engine(scene, Precision::Float)));
+        out.push(("engine, exact", engine(scene, Precision::Exact)));
+        out.push(("engine, double", engine(scene, Precision::Double)));
+        out.push(("engine, float", engine(scene, Precision::Float)));
     }
     out
 }

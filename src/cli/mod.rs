@@ -17,6 +17,7 @@ mod inspect;
 mod interactive;
 mod interrupt;
 mod limits;
+mod look;
 mod man;
 mod many_seeds;
 mod merge;

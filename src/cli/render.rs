@@ -1,6 +1,5 @@
 //! `anyhit render`: runs a scene and saves its picture.
 
-mod look;
 mod share;
 
 use std::path::PathBuf;
@@ -9,8 +8,8 @@ use std::time::Instant;
 
 use crate::cli::input::{SceneFileArgs, VariantArgs};
 use crate::cli::limits::LimitArgs;
+use crate::cli::look::{LookArgs, LookedScene, RerunContext};
 use crate::cli::many_seeds::{ManySeedsArgs, command_line};
-use crate::cli::render::look::{LookArgs, Looked};
 use crate::cli::render::share::PictureShare;
 use crate::cli::sanitize::SanitizeArgs;
 use crate::cli::share::ShareArgs;
@@ -279,20 +278,16 @@ fn shared_bands<'a>(
     })
 }
 
-/// Counts what the launch costs, as `--heat`, `--profile` and `--html` ask for.
+/// Counts what a launch or dispatch costs, as `--heat`, `--profile` and `--html` ask for.
 fn run_look(args: RenderArgs) -> Result<()> {
     let look = &args.look;
-    let runs_otherwise = [
+    look.check_alone(&[
         (args.sanitize.is_requested(), "the sanitizer"),
         (args.many_seeds.is_requested(&args.stability), "`--many-seeds`"),
         (args.stability.is_requested(), "`--shadow` or `--perturb`"),
         (args.stats, "`--stats`"),
         (args.share.is_requested(), "`--shard` or `--result`"),
-    ];
-    if let Some((_, other)) = runs_otherwise.iter().find(|(given, _)| *given) {
-        let message = format!("`--heat`, `--profile` and `--html` cannot be used with {other}");
-        return Err(Error::new(ErrorKind::InvalidArgument, message));
-    }
+    ])?;
     if args.json && !look.prints() {
         let message = "`--json` requires --heat: `--profile` and `--html` print no JSON";
         return Err(Error::new(ErrorKind::InvalidArgument, message));
@@ -302,9 +297,6 @@ fn run_look(args: RenderArgs) -> Result<()> {
         kind.check()?;
     }
     let scene = load(&args, false)?;
-    if !scene.launches() && !scene.dispatches.is_empty() {
-        return Err(compute_only(&scene));
-    }
     let mut flags = String::new();
     if let Some([width, height]) = args.size {
         flags += &format!(" --size {width}x{height}");
@@ -317,8 +309,8 @@ fn run_look(args: RenderArgs) -> Result<()> {
     }
     look.run(
         scene,
-        Looked {
-            scene: args.scene.as_deref(),
+        RerunContext {
+            scene: args.scene.as_deref().map_or(LookedScene::Demo, LookedScene::File),
             flags: &flags,
             output: args.output.as_deref(),
             json: args.json,
@@ -343,19 +335,6 @@ fn load(args: &RenderArgs, streams: bool) -> Result<ResolvedScene> {
     output::notes(&scene.notes);
     args.limits.limits(LaunchLimits::default()).give(&mut scene);
     Ok(scene)
-}
-
-/// The error for a look at the launch of a scene that dispatches compute shaders alone.
-fn compute_only(scene: &ResolvedScene) -> Error {
-    let path = shell::word(&scene.path.to_string_lossy());
-    let message = "the scene has no ray generation shader: it only dispatches compute shaders";
-    Error::new(ErrorKind::InvalidScene, message)
-        .at(Place::File(scene.path.clone()))
-        .note("`--heat`, `--profile` and `--html` count the invocations of a launch")
-        .note(format!("`anyhit render {path}` runs its dispatches and saves the picture"))
-        .note(format!(
-            "`anyhit trace-one-ray {path} --invocation 0,0,0` explains the ray queries of an invocation"
-        ))
 }
 
 /// The storage image with the scene's key `output`, which is saved.

@@ -11,6 +11,7 @@ use clap::Args;
 
 use crate::cli::input::{SceneFileArgs, VariantArgs, name_of};
 use crate::cli::limits::LimitArgs;
+use crate::cli::look::{LookArgs, LookedScene, RerunContext};
 use crate::cli::many_seeds::{ManySeedsArgs, command_line};
 use crate::cli::sanitize::SanitizeArgs;
 use crate::cli::stability::StabilityArgs;
@@ -19,6 +20,7 @@ use anyhit_base::atomic_file;
 use anyhit_base::error::Result;
 use anyhit_base::input::{InputLimit, is_stream, read_argument};
 use anyhit_base::progress::Work;
+use anyhit_debugger::shell;
 use anyhit_engine::geometry::Precision;
 use anyhit_engine::machine::{LaunchLimits, MemoryPolicy};
 use anyhit_engine::pipeline::{BatchWidth, RunOptions};
@@ -65,9 +67,22 @@ pub(super) struct RunArgs {
     files: SceneFileArgs,
     #[command(flatten)]
     variant: VariantArgs,
-    /// With --shadow or --perturb: print JSON
+    /// With --heat, --shadow or --perturb: print JSON
     #[arg(long)]
     json: bool,
+
+    #[command(flatten)]
+    look: LookArgs,
+
+    /// With --heat: heat map to write, a .png [default: heat.png]
+    #[arg(
+        short,
+        long,
+        value_name = "FILE",
+        requires = "heat",
+        help_heading = "Heat maps, profiles and pages"
+    )]
+    output: Option<PathBuf>,
 
     #[command(flatten)]
     stability: StabilityArgs,
@@ -89,6 +104,12 @@ pub(super) struct RunArgs {
 /// requested resources are printed.
 pub(super) fn run(args: RunArgs) -> Result<()> {
     args.sanitize.claim_stdout()?;
+    let json = args.json && args.look.is_requested();
+    checked_run(args).map_err(|error| output::json_error(json, error))
+}
+
+fn checked_run(args: RunArgs) -> Result<()> {
+    check_look(&args)?;
     let begin = Instant::now();
     let (is_scene, streamed) = what(&args)?;
     let scene = match is_scene {
@@ -126,22 +147,70 @@ pub(super) fn run(args: RunArgs) -> Result<()> {
     run_scene(&args, scene, true, begin)
 }
 
+/// Refuses what cannot be combined with `--heat`, `--profile` and `--html`, before anything is
+/// read.
+fn check_look(args: &RunArgs) -> Result<()> {
+    args.look.check(args.output.as_deref())?;
+    if !args.look.is_requested() {
+        return Ok(());
+    }
+    if args.json && !args.look.prints() {
+        let message = "`--json` requires --heat: `--profile` and `--html` print no JSON";
+        return Err(dump::invalid(message.to_owned()));
+    }
+    args.look.check_alone(&[
+        (args.sanitize.is_requested(), "the sanitizer"),
+        (args.many_seeds.is_requested(&args.stability), "`--many-seeds`"),
+        (args.stability.is_requested(), "`--shadow` or `--perturb`"),
+        (args.stats, "`--stats`"),
+        (!args.dump.is_empty() || !args.save.is_empty(), "`--dump` or `--save`"),
+    ])
+}
+
+/// Counts what a launch or dispatch costs, as `--heat`, `--profile` and `--html` ask for.
+fn run_look(args: &RunArgs, mut scene: ResolvedScene, is_scene: bool) -> Result<()> {
+    if let Some(memory) = args.memory.as_deref() {
+        scene.memory = memory_policy(memory);
+    }
+    let mut flags = String::new();
+    if let Some(precision) = args.precision {
+        flags += &format!(" --precision {}", precision.name());
+    }
+    if let Some(variant) = &args.variant.variant {
+        flags += &format!(" --variant {}", shell::word(variant));
+    }
+    let context = RerunContext {
+        scene: if is_scene { LookedScene::File(&args.file) } else { LookedScene::Module },
+        flags: &flags,
+        output: args.output.as_deref(),
+        json: args.json,
+        keep_alpha: args.alpha,
+    };
+    args.look.run(scene, context)
+}
+
+fn memory_policy(name: &str) -> MemoryPolicy {
+    if name == "robust" { MemoryPolicy::Robust } else { MemoryPolicy::Trap }
+}
+
 /// Runs a scene, or the one that was made for a bare module.
 fn run_scene(args: &RunArgs, mut scene: ResolvedScene, is_scene: bool, begin: Instant) -> Result<()> {
     output::notes(&scene.notes);
     args.limits.limits(LaunchLimits::default()).give(&mut scene);
+    if args.look.is_requested() {
+        return run_look(args, scene, is_scene);
+    }
     let mut assembled = anyhit_scene::assemble(&scene)?;
     output::notes(&assembled.notes);
-    match args.memory.as_deref() {
-        Some("robust") => assembled.resources.policy = MemoryPolicy::Robust,
-        Some(_) => assembled.resources.policy = MemoryPolicy::Trap,
-        None => {}
+    if let Some(memory) = args.memory.as_deref() {
+        assembled.resources.policy = memory_policy(memory);
     }
     if args.stability.is_requested() {
         return args.stability.run(&scene, &assembled, None, args.json, args.many_seeds.perturbed_runs());
     }
     if args.json {
-        let message = "`--json` requires --shadow or --perturb; `--dump WHAT=json` prints a buffer as JSON";
+        let message =
+            "`--json` requires --heat, --shadow or --perturb; `--dump WHAT=json` prints a buffer as JSON";
         return Err(dump::invalid(message.to_owned()));
     }
     let printed = Arc::default();

@@ -11,7 +11,6 @@ use anyhit_cases::pixel_cost::{HeatMeasure, LaunchCost, PixelCost, measure};
 use anyhit_cases::stability::deep_copy;
 use anyhit_cases::stability::shadow::texel_errors;
 use anyhit_debugger::Session;
-use anyhit_explain::names::Names;
 use anyhit_scene::{LoadOptions, ResolvedScene, SceneFiles, load};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
@@ -24,13 +23,13 @@ const ROW: &str = "shaders/pass/looking/half-subgroup/scene.toml";
 const LEAVES: &str = "shaders/pass/testing/leaves/leaves.toml";
 const DEMO: &str = "scenes/swept-spheres.toml";
 
-fn anyhit(arguments: &[&str]) -> Output {
+pub(super) fn anyhit(arguments: &[&str]) -> Output {
     let mut command = Command::new(env!("CARGO_BIN_EXE_anyhit"));
     command.args(arguments).current_dir(env!("CARGO_MANIFEST_DIR")).output().expect("the program starts")
 }
 
 /// What a command prints that ends well.
-fn printed(arguments: &[&str]) -> String {
+pub(super) fn printed(arguments: &[&str]) -> String {
     let output = anyhit(arguments);
     let error = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{arguments:?}: {error}");
@@ -38,7 +37,7 @@ fn printed(arguments: &[&str]) -> String {
 }
 
 /// What a command says that ends with an error.
-fn refused(arguments: &[&str], code: i32) -> String {
+pub(super) fn refused(arguments: &[&str], code: i32) -> String {
     let output = anyhit(arguments);
     let error = String::from_utf8(output.stderr).expect("UTF-8");
     assert_eq!(output.status.code(), Some(code), "{arguments:?}: {error}");
@@ -46,7 +45,7 @@ fn refused(arguments: &[&str], code: i32) -> String {
 }
 
 /// A path for a file of a test's own, which is not there.
-fn file(name: &str) -> String {
+pub(super) fn file(name: &str) -> String {
     let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("looking");
     std::fs::create_dir_all(&folder).expect("a writable folder");
     let path = folder.join(name);
@@ -54,19 +53,19 @@ fn file(name: &str) -> String {
     path.to_str().expect("UTF-8").to_owned()
 }
 
-fn loaded(scene: &str, size: Option<[u32; 2]>) -> ResolvedScene {
+pub(super) fn loaded(scene: &str, size: Option<[u32; 2]>) -> ResolvedScene {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(scene);
     let options = LoadOptions { size, ..LoadOptions::default() };
     load(&path, &SceneFiles::default(), &options).expect("a scene")
 }
 
-fn session(scene: &str, size: Option<[u32; 2]>) -> Session {
+pub(super) fn session(scene: &str, size: Option<[u32; 2]>) -> Session {
     Session::new(loaded(scene, size)).expect("shaders")
 }
 
-fn cost(session: &Session) -> LaunchCost {
+pub(super) fn cost(session: &Session) -> LaunchCost {
     let run = deep_copy(session.assembled());
-    let single = session.assembled().single_launch(None).expect("a launch");
+    let single = session.assembled().single_pass(None).expect("a pass");
     measure(session.assembled(), &single, &run.resources).expect("a run")
 }
 
@@ -122,7 +121,7 @@ fn any_hit_shaders_are_counted_for_each_pixel() {
 }
 
 /// Adds up all numbers under a key.
-fn sum_of(value: &Value, key: &str) -> u64 {
+pub(super) fn sum_of(value: &Value, key: &str) -> u64 {
     match value {
         Value::Object(members) => members
             .iter()
@@ -154,7 +153,7 @@ fn nodes_and_primitives_are_those_that_the_explanation_of_the_pixel_tells() {
 }
 
 /// Adds up the lengths of all arrays under a key.
-fn count_of(value: &Value, key: &str) -> u64 {
+pub(super) fn count_of(value: &Value, key: &str) -> u64 {
     match value {
         Value::Object(members) => members
             .iter()
@@ -219,22 +218,32 @@ fn the_same_counts_on_one_thread_and_on_many() {
 fn a_profile_has_every_instruction_at_its_line_below_its_callers() {
     let session = session(DEMO, Some([96, 54]));
     let cost = cost(&session);
-    let single = session.assembled().single_launch(None).expect("a launch");
-    let names = Names::new(session.scene(), single.index, &single.pipeline);
-    let profile = Profile::new(&cost.calls, &single.pipeline, &names);
+    let single = session.assembled().single_pass(None).expect("a launch");
+    let profile = Profile::of_pass(session.scene(), &single, &cost.calls).expect("a profile");
     let all: u64 = cost.pixels.iter().map(|pixel| pixel.instructions).sum();
     assert_eq!(profile.total(), all);
 
     // The line of ray generation that traces, as the source says.
     let source = std::fs::read_to_string("shaders/demo/swept-spheres/main.rgen").expect("the source");
     let line = source.lines().position(|line| line.contains("traceRayEXT")).expect("a trace") + 1;
-    let caller = format!("RayGenerationKHR main.rgen:{line};");
-    let stages: BTreeMap<&str, u64> =
-        profile.stacks.iter().fold(BTreeMap::new(), |mut sums, (stack, count)| {
-            let inner = stack.strip_prefix(&caller).and_then(|rest| rest.split(' ').next());
-            *sums.entry(inner.unwrap_or("RayGenerationKHR")).or_default() += count;
-            sums
-        });
+    let caller = format!("main.rgen:{line}");
+    let mut stages: BTreeMap<&str, u64> = BTreeMap::new();
+    for (stack, count) in &profile.stacks {
+        // A shader has a frame above those of its lines, below the line that traces.
+        let frames: Vec<&str> = stack.split(';').collect();
+        let is_shader = |frame: &str| frame.contains("KHR ");
+        let shaders: Vec<usize> = (0..frames.len()).filter(|&at| is_shader(frames[at])).collect();
+        assert!(shaders[0] == 0 && frames[0].starts_with("RayGenerationKHR "), "{stack}");
+        let inner = match shaders[..] {
+            [_] => 0,
+            [_, called, ..] => {
+                assert_eq!((called, frames[1]), (2, caller.as_str()), "{stack}");
+                called
+            }
+            _ => panic!("{stack}"),
+        };
+        *stages.entry(frames[inner].split(' ').next().expect("a stage")).or_default() += count;
+    }
     assert!(stages.keys().eq(["ClosestHitKHR", "MissKHR", "RayGenerationKHR"].iter()), "{stages:?}");
     // Every pixel runs the straight line of ray generation once.
     assert_eq!(stages["RayGenerationKHR"] % (96 * 54), 0);
@@ -267,19 +276,19 @@ fn a_flame_graph_is_drawn_or_the_missing_feature_named() {
 }
 
 /// The data of a page.
-fn data_of(html: &str) -> Value {
+pub(super) fn data_of(html: &str) -> Value {
     let (_, rest) = html.split_once("<script type=\"application/json\" id=\"data\">").expect("the data");
     serde_json::from_str(rest.split_once("</script>").expect("its end").0).expect("JSON")
 }
 
-fn inflated(text: &Value) -> Vec<u8> {
+pub(super) fn inflated(text: &Value) -> Vec<u8> {
     let stream = STANDARD.decode(text.as_str().expect("a text")).expect("Base64");
     let mut bytes = Vec::new();
     flate2::read::ZlibDecoder::new(&stream[..]).read_to_end(&mut bytes).expect("a zlib stream");
     bytes
 }
 
-fn picture_of(address: &Value) -> image::RgbaImage {
+pub(super) fn picture_of(address: &Value) -> image::RgbaImage {
     let bytes = address.as_str().and_then(|text| text.strip_prefix("data:image/png;base64,"));
     let bytes = STANDARD.decode(bytes.expect("the address of a PNG")).expect("Base64");
     image::load_from_memory(&bytes).expect("a PNG").to_rgba8()
@@ -323,7 +332,7 @@ fn a_page_holds_all_that_it_shows() {
         let pixel = format!("{x},0");
         assert_eq!(texts[x], printed(&["trace-one-ray", ROW, "--pixel", &pixel]));
     }
-    assert_eq!(data["command"], json!([format!("anyhit trace-one-ray {ROW}"), ""]));
+    assert_eq!(data["command"], json!([format!("anyhit trace-one-ray {ROW} --pixel "), ""]));
 }
 
 #[test]
@@ -336,7 +345,7 @@ fn large_pictures_are_explained_where_it_is_asked_for_and_on_a_grid() {
     assert_eq!(pixels[..2], [json!([95, 53]), json!([1, 2])]);
     let which = explained["which"].as_str().expect("a text");
     assert!(which.starts_with(&format!("{} of 5,184 pixels", pixels.len())), "{which}");
-    assert_eq!(data["command"], json!(["anyhit trace-one-ray", " --size 96x54"]));
+    assert_eq!(data["command"], json!(["anyhit trace-one-ray --pixel ", " --size 96x54"]));
     let texts: Vec<String> = serde_json::from_slice(&inflated(&explained["texts"])).expect("JSON");
     assert_eq!(texts[1], printed(&["trace-one-ray", "--pixel", "1,2", "--size", "96x54"]));
 }
@@ -429,13 +438,10 @@ fn mistakes_are_told() {
 }
 
 #[test]
-fn what_launches_nothing_has_no_heat() {
-    let compute = "shaders/pass/subgroups/wide/scene.toml";
-    let error = refused(&["render", compute, "--heat", "nodes", "-o", &file("never.png")], 2);
-    assert!(error.contains("the scene has no ray generation shader"), "{error}");
+fn what_runs_nothing_has_no_heat() {
     let rays = "tests/debugger/trace-one-ray/capsule.toml";
     let error = refused(&["render", rays, "--heat", "nodes", "-o", &file("never.png")], 2);
-    assert!(error.contains("no launch whose pixels can be counted"), "{error}");
+    assert!(error.contains("no launch and no dispatch whose invocations can be counted"), "{error}");
 }
 
 #[test]

@@ -6,6 +6,7 @@ mod atomic_files;
 mod bare_modules;
 mod cli;
 mod looking;
+mod looking_compute;
 mod page_blocks;
 mod printed_commands;
 mod shares;

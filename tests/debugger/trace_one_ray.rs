@@ -92,23 +92,6 @@ fn an_invocation_of_a_dispatch_is_explained() {
 }
 
 #[test]
-fn a_heat_map_of_a_compute_scene_says_what_to_type() {
-    let output = Command::new(env!("CARGO_BIN_EXE_anyhit"))
-        .args(["render", "shaders/pass/ray-query/compute/scene.toml", "--heat", "instructions"])
-        .current_dir(env!("CARGO_MANIFEST_DIR"))
-        .output()
-        .expect("the binary of this crate starts");
-    let error = String::from_utf8_lossy(&output.stderr);
-    for words in [
-        "the scene has no ray generation shader: it only dispatches compute shaders",
-        "`anyhit render shaders/pass/ray-query/compute/scene.toml` runs its dispatches",
-        "`anyhit trace-one-ray shaders/pass/ray-query/compute/scene.toml --invocation 0,0,0`",
-    ] {
-        assert!(error.contains(words), "{words}: {error}");
-    }
-}
-
-#[test]
 fn the_guide_shows_what_is_printed() {
     const BEGIN: &str = "<!-- demo.stdout -->\n```text\n";
     const END: &str = "```\n<!-- end -->";

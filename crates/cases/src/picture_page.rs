@@ -2,18 +2,23 @@
 //! test expects.
 
 use crate::drawing::heat_map::{HeatMap, HeatScale, Palette, number};
-use crate::drawing::page::{HtmlPage, PageExplanations, PageLayer, PagePicture};
+use crate::drawing::page::{
+    HtmlPage, NumberEncoding, PageExplanations, PageInvocations, PageLayer, PagePicture,
+};
 use crate::expect::PictureDifference;
 use crate::observe::fresh_resources;
-use crate::pixel_cost::{Heat, HeatMeasure, worst_pixels};
+use crate::pixel_cost::{Heat, HeatMeasure, InvocationPlane, worst_pixels};
 use anyhit_base::error::Result;
 use anyhit_base::progress::Work;
 use anyhit_base::threads::{map_on_threads, thread_count};
 use anyhit_debugger::line_recorder::FollowedRuns;
 use anyhit_debugger::source_text::source_text;
 use anyhit_debugger::{ExplainRequest, Session};
+use anyhit_engine::machine::format::Component;
 use anyhit_explain::render::{self, RenderOptions};
 use anyhit_scene::Files;
+use anyhit_scene::frame::SinglePass;
+use anyhit_scene::image::{Picture, PixelEncoding, Rgba8};
 
 /// Pictures of at most so many pixels have all of them explained.
 const EXPLAINED_WHOLE: u64 = 4096;
@@ -35,11 +40,12 @@ pub struct ChosenPixels {
 
 impl ChosenPixels {
     /// Of a small picture all pixels; of others those that are asked for and those of a grid.
-    pub fn of([width, height]: [u32; 2], asked: &[[u32; 2]]) -> Self {
+    pub fn of(plane: &InvocationPlane, asked: &[[u32; 2]]) -> Self {
+        let ([width, height], word) = (plane.extent, plane.kind.word());
         let count = u64::from(width) * u64::from(height);
         if count <= EXPLAINED_WHOLE {
             let pixels = (0..height).flat_map(|y| (0..width).map(move |x| [x, y])).collect();
-            return Self { pixels, which: "all pixels".to_owned() };
+            return Self { pixels, which: format!("all {word}s") };
         }
         let mut pixels: Vec<[u32; 2]> = Vec::new();
         let step = (count.div_ceil(EXPLAINED_GRID) as f64).sqrt().ceil() as usize;
@@ -52,29 +58,38 @@ impl ChosenPixels {
         }
         let (all, explained) = (number(count as f64), pixels.len());
         let which = format!(
-            "{explained} of {all} pixels: every {step}th of every {step}th row, the requested ones and \
+            "{explained} of {all} {word}s: every {step}th of every {step}th row, the requested ones and \
              the worst"
         );
         Self { pixels, which }
     }
 }
 
-/// Explains pixels of a launch, each on resources as the scene describes them, with the text that
-/// `anyhit trace-one-ray` prints. What cannot be explained is left out. The passes before run once,
-/// and again for the lines of each pixel.
+/// Explains the invocations of pixels, each on resources as the scene describes them, with the text
+/// that `anyhit trace-one-ray` prints. What cannot be explained is left out. The passes before run
+/// once, and again for the lines of each pixel.
 pub fn explain(
     session: &Session,
     pass: Option<&str>,
+    plane: &InvocationPlane,
     scene_name: Option<&str>,
     pixels: &[[u32; 2]],
 ) -> Vec<([u32; 2], String)> {
     let resources = fresh_resources(session.assembled());
     let Ok(begin) = session.beginning(pass, resources) else { return Vec::new() };
-    let text = |session: &Session, [x, y]: [u32; 2]| {
-        let pixel = ExplainRequest::Pixel([x, y, 0]);
-        let request = match pass {
-            Some(pass) => ExplainRequest::InPass(pass.to_owned(), Box::new(pixel)),
-            None => pixel,
+    let Ok(single) = session.assembled().single_pass(pass) else { return Vec::new() };
+    let dispatch = match single {
+        SinglePass::Launch(_) => None,
+        SinglePass::Dispatch(single) => Some(single.index),
+    };
+    let text = |session: &Session, pixel: [u32; 2]| {
+        let id = plane.id(pixel);
+        let request = match (dispatch, pass) {
+            (Some(dispatch), _) => ExplainRequest::Invocation { dispatch, id },
+            (None, Some(pass)) => {
+                ExplainRequest::InPass(pass.to_owned(), Box::new(ExplainRequest::Pixel(id)))
+            }
+            (None, None) => ExplainRequest::Pixel(id),
         };
         let (mut transcript, _) = session.run_from(&begin, &request).ok()?;
         let scene = session.scene();
@@ -86,7 +101,7 @@ pub fn explain(
             name.clone_into(&mut transcript.scene);
         }
         let options = RenderOptions { summary: true, ..RenderOptions::default() };
-        Some(([x, y], render::text(&transcript, options)))
+        Some((pixel, render::text(&transcript, options)))
     };
     let work = Work::counted("explaining pixels", pixels.len() as u64);
     // Sessions are not shared between threads.
@@ -130,10 +145,46 @@ pub fn heat_facts(heat: &Heat) -> Vec<String> {
 /// # Errors
 /// Of encoding its picture.
 pub fn heat_layer(heat: &Heat, top: Option<f64>) -> Result<PageLayer> {
-    let mut layer = PageLayer::new(heat.measure.name(), heat.measure.title(), &heat_map(heat, top))?;
+    let mut layer = PageLayer::new(heat.measure.name(), &heat.title(), &heat_map(heat, top))?;
     layer.facts = heat_facts(heat);
     (layer.worst, layer.ties) = heat.worst(WORST);
     Ok(layer)
+}
+
+/// The picture of a page for an image and the pixels that an encoding makes of it.
+///
+/// # Errors
+/// Of encoding the picture.
+pub fn page_picture(
+    name: &str,
+    pixels: &Rgba8,
+    image: &Picture,
+    encoding: PixelEncoding,
+) -> Result<PagePicture> {
+    let picture = PagePicture::new(name, pixels)?.encoded(number_encoding(image, encoding));
+    Ok(with_floats(picture, Some(image)))
+}
+
+fn number_encoding(image: &Picture, encoding: PixelEncoding) -> NumberEncoding {
+    match encoding.to_srgb || image.format.srgb {
+        true => NumberEncoding::Srgb,
+        false => NumberEncoding::Stored,
+    }
+}
+
+/// Whether the texels are floats.
+pub fn is_float(image: &Picture) -> bool {
+    use Component::{Float11B10, Float16, Float32, SharedExponent};
+    matches!(image.format.component, Float16 | Float32 | Float11B10 | SharedExponent)
+}
+
+/// Adds the numbers of an image of floats to its picture.
+fn with_floats(picture: PagePicture, image: Option<&Picture>) -> PagePicture {
+    let Some(image) = image.filter(|image| is_float(image)) else { return picture };
+    let channels = image.format.channels;
+    let numbers = image.numbers();
+    let texels = numbers.chunks_exact(4).flat_map(|texel| &texel[..usize::from(channels)]);
+    picture.with_floats(channels, &texels.map(|&number| number as f32).collect::<Vec<f32>>())
 }
 
 /// The pictures of a page that compares two, and the layer of their differences.
@@ -141,9 +192,17 @@ pub fn heat_layer(heat: &Heat, top: Option<f64>) -> Result<PageLayer> {
 /// # Errors
 /// Of encoding the pictures.
 pub fn comparison(compared: &PictureDifference) -> Result<(Vec<PagePicture>, PageLayer)> {
+    let [expected, found] = &compared.sources;
+    // A file is encoded as what it is compared with.
+    let source = [expected, found].map(Option::as_ref);
+    let encoding = source[1].or(source[0]).map(|(picture, encoding)| number_encoding(picture, *encoding));
+    let picture = |name: &str, pixels: &Rgba8, source: Option<&(Picture, PixelEncoding)>| {
+        let picture = PagePicture::new(name, pixels)?.encoded(encoding.unwrap_or(NumberEncoding::Stored));
+        Result::Ok(with_floats(picture, source.map(|(picture, _)| picture)))
+    };
     let pictures = vec![
-        PagePicture::new("found", &compared.found)?,
-        PagePicture::new("expected", &compared.expected)?,
+        picture("found", &compared.found, source[1])?,
+        picture("expected", &compared.expected, source[0])?,
         PagePicture::new("difference", &compared.difference())?,
     ];
     let distances: Vec<f64> = compared.distances().into_iter().map(f64::from).collect();
@@ -165,6 +224,16 @@ pub fn comparison(compared: &PictureDifference) -> Result<(Vec<PagePicture>, Pag
     Ok((pictures, layer))
 }
 
+/// The invocations that the pixels of a plane stand for, as a page shows them.
+pub fn page_invocations(plane: &InvocationPlane) -> PageInvocations {
+    PageInvocations {
+        word: plane.kind.word(),
+        size: plane.size,
+        stride: plane.stride,
+        dimensions: plane.dimensions(),
+    }
+}
+
 /// The page for a picture of a test that is not as expected, with the explanations of the pixels
 /// that differ most where there is a session of the scene.
 ///
@@ -180,12 +249,15 @@ pub fn failed_picture(
     let mut worst: Vec<[u32; 2]> = layer.worst.iter().map(|(pixel, _)| *pixel).collect();
     worst.retain(|pixel| *pixel != compared.worst);
     worst.insert(0, compared.worst);
-    let explained = session.map_or_else(Vec::new, |session| explain(session, None, None, &worst));
+    let [width, height] = compared.found.extent;
+    let plane = InvocationPlane::of_launch([width, height, 1]);
+    let explained = session.map_or_else(Vec::new, |session| explain(session, None, &plane, None, &worst));
     let which = format!("the {} pixels that differ most", explained.len());
     Ok(HtmlPage {
         title: format!("{test}: image `{}` is not as expected", compared.name),
         facts: layer.facts.clone(),
         extent: compared.found.extent,
+        invocations: page_invocations(&plane),
         pictures,
         layers: vec![layer],
         shown: None,
@@ -211,7 +283,8 @@ mod tests {
         let scene = load(&path, &DiskFiles, &LoadOptions::default()).unwrap();
         let session = Session::new(scene).unwrap();
         let pixels = [[0, 0], [1, 0], [0, 1], [3, 0], [1, 0]];
-        let explained = explain(&session, Some("ao"), None, &pixels);
+        let plane = InvocationPlane::of_launch([4, 1, 1]);
+        let explained = explain(&session, Some("ao"), &plane, None, &pixels);
         let inside = [[0, 0], [1, 0], [3, 0], [1, 0]];
         assert_eq!(explained.iter().map(|(pixel, _)| *pixel).collect::<Vec<_>>(), inside);
         for ([x, y], text) in explained {
@@ -224,12 +297,12 @@ mod tests {
             let options = RenderOptions { summary: true, ..RenderOptions::default() };
             assert_eq!(text, render::text(&alone, options), "({x}, {y})");
         }
-        assert!(explain(&session, Some("none"), None, &pixels).is_empty());
+        assert!(explain(&session, Some("none"), &plane, None, &pixels).is_empty());
     }
 
     #[test]
     fn small_pictures_are_explained_whole() {
-        let all = ChosenPixels::of([64, 64], &[[1, 1]]);
+        let all = ChosenPixels::of(&InvocationPlane::of_launch([64, 64, 1]), &[[1, 1]]);
         assert_eq!((all.pixels.len(), all.which.as_str()), (4096, "all pixels"));
         assert_eq!(all.pixels[65], [1, 1]);
     }
@@ -237,7 +310,8 @@ mod tests {
     #[test]
     fn large_ones_by_what_is_asked_for_and_a_grid() {
         // 1,000 x 600 are 600,000 pixels; a 256th of them are 2,344, and 48.4 squared.
-        let some = ChosenPixels::of([1000, 600], &[[999, 599], [24, 24], [999, 599]]);
+        let plane = InvocationPlane::of_launch([1000, 600, 1]);
+        let some = ChosenPixels::of(&plane, &[[999, 599], [24, 24], [999, 599]]);
         assert_eq!(some.pixels[..3], [[999, 599], [24, 24], [73, 24]]);
         // Columns 24, 73, ..., 955 or 998, rows 24, 73, ..., 563.
         assert_eq!(some.pixels.len(), 20 * 12 + 1);

@@ -114,6 +114,7 @@ fn picture_difference(loaded: &Loaded, observed: &Observed, path: PathBuf) -> Re
     let mut difference = differs(&path, message);
     difference.subject = bytes.texel([x, y]);
     difference.fix = Some(renewed);
-    difference.picture = Some(Box::new(compared));
+    let sources = [None, Some((found, encoding))];
+    difference.picture = Some(Box::new(PictureDifference { sources, ..compared }));
     Ok(Some(difference))
 }

@@ -5,6 +5,7 @@ use crate::session::{ExplainRequest, Session, count_events, invalid, run_counts}
 use crate::{shell, summary};
 use anyhit_base::error::{Error, ErrorReport, Result};
 use anyhit_base::escape;
+use anyhit_engine::machine::Resources;
 use anyhit_engine::math::array;
 use anyhit_engine::pipeline::{Event, Pipeline, RunOptions, RunPart};
 use anyhit_explain::names::Names;
@@ -63,23 +64,37 @@ impl Session {
         })
     }
 
-    /// Runs the passes before a dispatch; returns the dispatch's own, with its number.
-    pub(super) fn run_before_dispatch(&self, number: usize) -> Result<(usize, &Pass)> {
-        let is_wanted = |pass: &Pass| matches!(pass.work, PassWork::Dispatch(at) if at == number);
+    /// The pass of a dispatch, with its number.
+    fn pass_of(&self, dispatch: usize) -> (usize, &Pass) {
+        let is_wanted = |pass: &Pass| matches!(pass.work, PassWork::Dispatch(at) if at == dispatch);
         let passes = &self.assembled.passes;
         let at = passes.iter().position(is_wanted).expect("bug in anyhit: a dispatch without a pass");
-        for before in &passes[..at] {
-            self.assembled.run_pass(before, &self.assembled.resources, RunOptions::default())?;
-        }
-        Ok((at, &passes[at]))
+        (at, &passes[at])
     }
 
-    /// Runs everything before a dispatch, then the workgroup of an invocation, and returns the
-    /// transcript of the invocation with the changes that itself made.
-    pub(super) fn run_invocation(&self, number: usize, id: [u32; 3]) -> Result<(Transcript, Option<Error>)> {
+    /// Runs the passes before a dispatch on the session's resources; returns the dispatch's own.
+    ///
+    /// # Errors
+    /// As [`Session::dispatch`], and those of the run.
+    pub(super) fn run_before_dispatch(&self, number: usize) -> Result<&Pass> {
+        self.dispatch(number)?;
+        let (at, pass) = self.pass_of(number);
+        for before in &self.assembled.passes[..at] {
+            self.assembled.run_pass(before, &self.assembled.resources, RunOptions::default())?;
+        }
+        Ok(pass)
+    }
+
+    /// Runs the workgroup of an invocation of a dispatch, on resources as the dispatch finds them,
+    /// and returns the transcript of the invocation with the changes that itself made.
+    pub(super) fn run_invocation(
+        &self,
+        number: usize,
+        id: [u32; 3],
+        all: &Resources,
+    ) -> Result<(Transcript, Option<Error>)> {
         let dispatch = self.dispatch(number)?;
-        let all = &self.assembled.resources;
-        let (at, pass) = self.run_before_dispatch(number)?;
+        let (at, pass) = self.pass_of(number);
         let mut builder = Pipeline::builder();
         builder.shader(dispatch.compute.program.clone());
         let pipeline = builder.build()?;

@@ -16,7 +16,7 @@ use anyhit_explain::names::Names;
 use anyhit_explain::reader::EventReader;
 use anyhit_explain::transcript::{LaunchIndex, RunCounts, Transcript, VERSION};
 use anyhit_scene::file::{GivenRay, RayEntry};
-use anyhit_scene::frame::SingleLaunch;
+use anyhit_scene::frame::{SingleLaunch, SinglePass};
 use anyhit_scene::{Assembled, ResolvedScene, assemble};
 
 /// The ray or invocation to explain.
@@ -118,7 +118,10 @@ impl Session {
     /// launch, a ray that breaks a rule, a launch index without a ray generation shader.
     pub fn run(&self, request: &ExplainRequest) -> Result<(Transcript, Option<Error>)> {
         match self.invocation(request)? {
-            Some((dispatch, id)) => self.run_invocation(dispatch, id),
+            Some((dispatch, id)) => {
+                self.run_before_dispatch(dispatch)?;
+                self.run_invocation(dispatch, id, &self.assembled.resources)
+            }
             None => self.run_on(request, &self.assembled.resources),
         }
     }
@@ -136,20 +139,23 @@ impl Session {
         self.run_in(&single, (ray_name, request), all, &snapshot)
     }
 
-    /// Runs the passes before a pass, or before the first launch, on resources other than those of
+    /// Runs the passes before a pass ([`Assembled::single_pass`]) on resources other than those of
     /// the scene: many rays and invocations of that pass begin there.
     ///
     /// # Errors
     /// As [`Session::run`].
     pub fn beginning(&self, pass: Option<&str>, resources: Resources) -> Result<PassBeginning> {
-        self.assembled.single_launch(pass)?.run_before(&resources)?;
+        match self.assembled.single_pass(pass)? {
+            SinglePass::Launch(launch) => launch.run_before(&resources)?,
+            SinglePass::Dispatch(dispatch) => self.assembled.run_before(dispatch.number, &resources)?,
+        }
         let written = self.assembled.written_memory(&resources);
         let snapshot = Snapshot::take(&self.scene, &written, &resources);
         Ok(PassBeginning { resources, written, snapshot })
     }
 
-    /// Runs a ray or an invocation of ray generation as [`Session::run`] does, from the begin of
-    /// its pass, which stays as it is.
+    /// Runs a ray or an invocation as [`Session::run`] does, from the begin of its pass, which
+    /// stays as it is.
     ///
     /// # Errors
     /// As [`Session::run`].
@@ -158,9 +164,12 @@ impl Session {
         begin: &PassBeginning,
         request: &ExplainRequest,
     ) -> Result<(Transcript, Option<Error>)> {
+        let resources = begin.written.copied(&begin.resources);
+        if let Some((dispatch, id)) = self.invocation(request)? {
+            return self.run_invocation(dispatch, id, &resources);
+        }
         let (ray_name, request) = self.resolve(request)?;
         let single = self.assembled.single_launch(request.pass.as_deref())?;
-        let resources = begin.written.copied(&begin.resources);
         self.run_in(&single, (ray_name, request), &resources, &begin.snapshot)
     }
 

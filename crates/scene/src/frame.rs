@@ -231,6 +231,21 @@ impl Assembled {
         }
     }
 
+    /// Runs the passes before one of them, so that buffers and images hold what it finds in a
+    /// frame. What they print is forgotten.
+    ///
+    /// # Errors
+    /// As [`Assembled::run`].
+    pub fn run_before(&self, number: usize, resources: &Resources) -> Result<()> {
+        for pass in &self.passes[..number] {
+            self.run_pass(pass, resources, RunOptions::default())?;
+        }
+        if let Some(printed) = resources.printed.as_ref().filter(|_| number > 0) {
+            printed.take();
+        }
+        Ok(())
+    }
+
     /// The number of the pass that a name or number means.
     ///
     /// # Errors
@@ -241,6 +256,27 @@ impl Assembled {
             let message = format!("the scene has no pass `{key}`");
             Error::new(ErrorKind::InvalidArgument, message).note(PassKey::known(names()))
         })
+    }
+
+    /// The pass that is looked at: that of a name or number, else the first launch, else the first
+    /// dispatch of a scene without launches.
+    ///
+    /// # Errors
+    /// `InvalidArgument` where there is no such pass.
+    pub fn single_pass(&self, key: Option<&str>) -> Result<SinglePass<'_>> {
+        let number = match key {
+            Some(key) => Some(self.pass_number(key)?),
+            None if self.passes.iter().any(|pass| pass.launch().is_some()) => None,
+            None => (!self.passes.is_empty()).then_some(0),
+        };
+        if let Some(number) = number
+            && let pass = &self.passes[number]
+            && let PassWork::Dispatch(index) = pass.work
+        {
+            let dispatch = &self.dispatches[index];
+            return Ok(SinglePass::Dispatch(SingleDispatch { number, pass, index, dispatch }));
+        }
+        self.single_launch(key).map(|launch| SinglePass::Launch(Box::new(launch)))
     }
 
     /// The launch in which single rays and invocations run: that of a pass, by its name or number,
@@ -275,6 +311,54 @@ impl Assembled {
     }
 }
 
+/// A pass of a scene that is looked at.
+#[derive(Clone, Debug)]
+pub enum SinglePass<'a> {
+    /// A launch.
+    Launch(Box<SingleLaunch<'a>>),
+    /// A dispatch.
+    Dispatch(SingleDispatch<'a>),
+}
+
+/// A dispatch of a scene that is looked at.
+#[derive(Clone, Copy, Debug)]
+pub struct SingleDispatch<'a> {
+    /// How many passes run before it: its own number.
+    pub number: usize,
+    /// The pass.
+    pub pass: &'a Pass,
+    /// The index of the dispatch in [`Assembled::dispatches`].
+    pub index: usize,
+    /// The dispatch.
+    pub dispatch: &'a Dispatch,
+}
+
+impl SinglePass<'_> {
+    /// How many passes run before it: its own number.
+    pub fn number(&self) -> usize {
+        match self {
+            Self::Launch(launch) => launch.number,
+            Self::Dispatch(dispatch) => dispatch.number,
+        }
+    }
+
+    /// Invocations of a workgroup along x, y and z; `None` of a launch.
+    pub fn workgroup_size(&self) -> Option<[u32; 3]> {
+        match self {
+            Self::Launch(_) => None,
+            Self::Dispatch(SingleDispatch { dispatch, .. }) => Some(dispatch.compute.workgroup_size()),
+        }
+    }
+
+    /// Number of invocations along x, y and z, unless a buffer holds it.
+    pub fn size(&self) -> [u32; 3] {
+        match self {
+            Self::Launch(launch) => launch.size,
+            Self::Dispatch(SingleDispatch { dispatch, .. }) => dispatch.invocations(dispatch.given_groups),
+        }
+    }
+}
+
 /// A launch of a scene in which single rays and invocations run.
 #[derive(Clone, Debug)]
 pub struct SingleLaunch<'a> {
@@ -302,19 +386,12 @@ impl SingleLaunch<'_> {
         self.assembled.pass_resources(&self.pass, resources)
     }
 
-    /// Runs the passes before it, so that buffers and images hold what it finds in a frame. What
-    /// they print is forgotten.
+    /// Runs the passes before it, as [`Assembled::run_before`] does.
     ///
     /// # Errors
     /// As [`Assembled::run`].
     pub fn run_before(&self, resources: &Resources) -> Result<()> {
-        for pass in &self.assembled.passes[..self.number] {
-            self.assembled.run_pass(pass, resources, RunOptions::default())?;
-        }
-        if let Some(printed) = resources.printed.as_ref().filter(|_| self.number > 0) {
-            printed.take();
-        }
-        Ok(())
+        self.assembled.run_before(self.number, resources)
     }
 
     /// The pass's name or number, where the scene lists its passes.

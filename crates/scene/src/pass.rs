@@ -5,6 +5,7 @@ use std::sync::Arc;
 use crate::indirect::indirect_size;
 use crate::resolved::{IndirectSize, Rebinding};
 use anyhit_engine::machine::{Binding, Buffer, Resources};
+use anyhit_engine::math::array;
 use anyhit_engine::pipeline::{Compute, SbtRecord};
 
 /// One pass of a frame.
@@ -80,6 +81,12 @@ impl Dispatch {
     /// The number of workgroups along x, y and z, in the resources as the pass finds them.
     pub fn groups(&self, resources: &Resources) -> [u32; 3] {
         indirect_size(resources).unwrap_or(self.given_groups)
+    }
+
+    /// Number of invocations of so many workgroups along x, y and z; at most 2^32 - 1 each.
+    pub fn invocations(&self, groups: [u32; 3]) -> [u32; 3] {
+        let size = self.compute.workgroup_size();
+        array::from_fn(|axis| groups[axis].saturating_mul(size[axis]))
     }
 }
 

@@ -35,9 +35,12 @@ pub struct HtmlPage {
     pub title: String,
     /// Lines below it.
     pub facts: Vec<String>,
-    /// Width and height of all pictures.
+    /// Width and height of all pictures and heat maps.
     pub extent: [u32; 2],
-    /// The pictures, shown side by side; heat maps are laid over the first.
+    /// The invocations that the pixels stand for.
+    pub invocations: PageInvocations,
+    /// The pictures, shown side by side; heat maps are laid over the first. Without pictures, the
+    /// heat maps are shown alone.
     pub pictures: Vec<PagePicture>,
     /// The heat maps.
     pub layers: Vec<PageLayer>,
@@ -47,9 +50,21 @@ pub struct HtmlPage {
     pub selected: Option<[u32; 2]>,
     /// What happened at some pixels.
     pub explanations: Option<PageExplanations>,
-    /// The command that explains a pixel, without its flag `--pixel X,Y`: what is before and behind
-    /// it.
+    /// The command that explains an invocation, without its ID: what is before and behind it.
     pub command: Option<[String; 2]>,
+}
+
+/// The invocations that the pixels of a page stand for.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct PageInvocations {
+    /// The word for one: `pixel` or `invocation`.
+    pub word: &'static str,
+    /// Invocations along x, y and z.
+    pub size: [u32; 3],
+    /// Number of invocations, in launch order, from a pixel to the one below it.
+    pub stride: u32,
+    /// How many numbers an ID has on the command line.
+    pub dimensions: usize,
 }
 
 /// A picture of a page.
@@ -58,6 +73,28 @@ pub struct PagePicture {
     /// What it is.
     pub name: String,
     png: String,
+    /// The pixels as functions of numbers, which exposure multiplies; `None` for a drawing.
+    encoding: Option<NumberEncoding>,
+    floats: Option<PageFloats>,
+}
+
+/// How the numbers of an image became the pixels of its picture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum NumberEncoding {
+    /// Encoded as sRGB.
+    Srgb,
+    /// Unchanged, 1 as 255.
+    Stored,
+}
+
+/// The numbers of an image of floats.
+#[derive(Clone, Debug, Serialize)]
+struct PageFloats {
+    /// Numbers of a pixel.
+    channels: u8,
+    /// The numbers as f32, compressed: first the lowest bytes of all of them, the highest last.
+    values: String,
 }
 
 /// A heat map of a page.
@@ -101,7 +138,26 @@ impl PagePicture {
     /// # Errors
     /// As [`Rgba8::encode_png`].
     pub fn new(name: &str, picture: &Rgba8) -> Result<Self> {
-        Ok(Self { name: name.to_owned(), png: png_address(picture)? })
+        Ok(Self { name: name.to_owned(), png: png_address(picture)?, encoding: None, floats: None })
+    }
+
+    /// Sets how numbers became its pixels, so that the page can show them at another exposure.
+    #[must_use]
+    pub fn encoded(self, encoding: NumberEncoding) -> Self {
+        Self { encoding: Some(encoding), ..self }
+    }
+
+    /// Adds the numbers of an image of floats, so many for each pixel, rows from the top. Too many
+    /// for a page are left out.
+    #[must_use]
+    pub fn with_floats(self, channels: u8, values: &[f32]) -> Self {
+        let pixels = values.len() / usize::from(channels.max(1));
+        let floats = (pixels <= MAX_NUMBERS).then(|| PageFloats {
+            channels,
+            // Neighbours have similar high bytes: by themselves they are compressed best.
+            values: compressed(&byte_planes(values)),
+        });
+        Self { floats, ..self }
     }
 }
 
@@ -177,6 +233,11 @@ fn bytes_of(values: &[f64]) -> Vec<u8> {
     values.iter().flat_map(|&value| (value as f32).to_le_bytes()).collect()
 }
 
+/// The lowest bytes of all numbers as f32, then the next ones, up to the highest.
+fn byte_planes(values: &[f32]) -> Vec<u8> {
+    (0..4).flat_map(|byte| values.iter().map(move |value| value.to_le_bytes()[byte])).collect()
+}
+
 /// A PNG as the address of an image.
 fn png_address(picture: &Rgba8) -> Result<String> {
     Ok(format!("data:image/png;base64,{}", STANDARD.encode(picture.encode_png()?)))
@@ -200,6 +261,12 @@ mod tests {
     use super::*;
 
     #[test]
+    fn the_bytes_of_floats_are_sorted_by_their_weight() {
+        // 1.0 is 0x3F800000, -2.5 is 0xC0200000.
+        assert_eq!(byte_planes(&[1.0, -2.5]), [0, 0, 0, 0, 0x80, 0x20, 0x3F, 0xC0]);
+    }
+
+    #[test]
     fn no_text_gets_out_of_its_element() {
         let nasty = "</script></title><!-- <script>alert(1)</script> & \u{2028}";
         let picture = Rgba8 { extent: [1, 1], pixels: vec![0; 4] };
@@ -207,6 +274,7 @@ mod tests {
             title: nasty.to_owned(),
             facts: vec![nasty.to_owned()],
             extent: [1, 1],
+            invocations: PageInvocations { word: "pixel", size: [1; 3], stride: 1, dimensions: 2 },
             pictures: vec![PagePicture::new(nasty, &picture).expect("a PNG")],
             layers: Vec::new(),
             shown: None,

@@ -3,7 +3,7 @@
 use anyhit_base::error::names::nearest;
 use anyhit_base::error::{Error, ErrorKind};
 use anyhit_engine::math::array;
-use anyhit_scene::image::Rgba8;
+use anyhit_scene::image::{Picture, PixelEncoding, Rgba8};
 use anyhit_scene::read::{Span, Spanned};
 
 /// How many differences of one table are shown.
@@ -112,6 +112,9 @@ pub struct PictureDifference {
     pub found: Rgba8,
     /// The pixel that differs most, which messages name and pages open.
     pub worst: [u32; 2],
+    /// The images or files of both, expected first, with the encodings that made their pixels;
+    /// `None` where the pixels are all that is known.
+    pub sources: [Option<(Picture, PixelEncoding)>; 2],
 }
 
 impl PictureDifference {
@@ -123,7 +126,8 @@ impl PictureDifference {
             (pixels.len() as u64 == size).then_some(Rgba8 { extent: [width, height], pixels })
         };
         let (expected, found) = (picture(expected)?, picture(found)?);
-        let mut compared = Self { name: name.into(), expected, found, worst: [0; 2] };
+        let sources = [None, None];
+        let mut compared = Self { name: name.into(), expected, found, worst: [0; 2], sources };
         let greatest = |most: (usize, u8), one: (usize, u8)| if one.1 > most.1 { one } else { most };
         let (at, _) = compared.distances().into_iter().enumerate().fold((0, 0), greatest);
         let row = width.max(1) as usize;

@@ -129,8 +129,9 @@ impl PictureExpectation {
             to_srgb: encoding.to_srgb || is_float,
             keep_alpha: encoding.keep_alpha || is_float,
         };
+        let encodings = [shown(PixelEncoding::STORED), shown(encoding)];
         let [expected_picture, found_picture] =
-            [rgba8(&expected, shown(PixelEncoding::STORED))?, rgba8(found, shown(encoding))?];
+            [rgba8(&expected, encodings[0])?, rgba8(found, encodings[1])?];
         let (message, texel) = match &self.measure {
             Measure::Each(tolerance) => match numbers.each(*tolerance) {
                 None => return Ok(None),
@@ -173,6 +174,7 @@ impl PictureExpectation {
             expected: expected_picture,
             found: found_picture,
             worst: texel,
+            sources: [Some((expected, encodings[0])), Some((found.clone(), encodings[1]))],
         }));
         Ok(Some(difference))
     }

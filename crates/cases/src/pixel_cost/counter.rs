@@ -1,6 +1,7 @@
 //! The observers that count.
 
 use std::cell::RefCell;
+use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
 
 use crate::cost::instructions;
@@ -9,15 +10,15 @@ use crate::pixel_cost::{LaunchCost, PixelCost};
 use anyhit_base::error::Result;
 use anyhit_base::sorted::sort_by_key;
 use anyhit_engine::accel::TestCounts;
-use anyhit_engine::machine::{Batch, Observer, RayQueryStep, ShaderIndex};
+use anyhit_engine::machine::{Batch, Observer, RayQueryEvent, RayQueryStep, Resources, ShaderIndex};
 use anyhit_engine::module::interface::Stage;
-use anyhit_engine::pipeline::{Event, Launch, Pipeline, PipelineObserver};
+use anyhit_engine::pipeline::{Compute, Event, Launch, Pipeline, PipelineObserver};
 
 /// The lanes of the widest batch that is observed. Batches are of consecutive launch indices and
 /// begin at multiples of it.
 const LANES: usize = 64;
 
-/// Counts what invocations of a launch cost that follow each other.
+/// Counts what invocations of a launch cost that follow each other, or those of a dispatch.
 struct Counter<'a> {
     size: [u32; 3],
     /// By shader and block: the instructions.
@@ -32,8 +33,11 @@ struct State {
     first: usize,
     pixels: Vec<PixelCost>,
     calls: CallTree,
-    /// By lane: its shaders that run or wait, the outermost first.
+    /// By lane: its shaders that run or wait, the outermost first. A dispatch has the same one in
+    /// every lane, as its shader calls no other.
     stacks: Vec<Vec<CallFrame>>,
+    /// By lane of the batch that runs: the invocation, by its number in launch order.
+    by_lane: Vec<usize>,
     /// The invocation that events are of, by its number in launch order.
     invocation: usize,
     shader: ShaderIndex,
@@ -42,6 +46,7 @@ struct State {
 }
 
 /// A shader that runs or waits in a lane.
+#[derive(Clone)]
 struct CallFrame {
     call: CallIndex,
     /// Where it waits.
@@ -81,9 +86,89 @@ pub(super) fn count(launch: &Launch<'_>, size: [u32; 3]) -> Result<LaunchCost> {
     }
     // Of a launch that is not observed nothing is counted.
     pixels.resize(count, PixelCost::default());
-    let is_seen = *subgroup_size == 1 || !one_by_one;
-    let subgroup_size = Some(*subgroup_size).filter(|&size| is_seen && size as usize <= LANES);
-    Ok(LaunchCost { size, pixels, subgroup_size, calls })
+    let subgroup_size = observed_subgroups(*subgroup_size, one_by_one);
+    Ok(LaunchCost { size, workgroup_size: None, pixels, subgroup_size, calls })
+}
+
+/// Runs a dispatch, and counts what its invocations cost, on one thread.
+///
+/// # Errors
+/// As [`Compute::run_observed`].
+pub(super) fn count_dispatch(
+    compute: &Compute,
+    resources: &Resources,
+    groups: [u32; 3],
+    size: [u32; 3],
+) -> Result<LaunchCost> {
+    let count = size.iter().map(|&side| side as usize).product();
+    let mut state = State { pixels: vec![PixelCost::default(); count], ..State::default() };
+    let call = state.calls.number(Call { caller: None, shader: ShaderIndex(0) });
+    state.stacks.resize(LANES, vec![CallFrame { call, site: None }]);
+    let counter = Counter {
+        size,
+        instructions: &[instructions(&compute.program)],
+        subgroup_size: compute.subgroup_size,
+        state: RefCell::new(state),
+    };
+    let mut on_event = |event: Event| {
+        let state = &mut *counter.state.borrow_mut();
+        if let Event::RayQuery(query) = event {
+            let invocation = state.by_lane[query.lane as usize];
+            state.pixels[invocation].count_query(&query);
+        }
+    };
+    let mut blocks = Blocks(&counter);
+    compute.run_observed_with_traversal(resources, groups, &mut on_event, &mut blocks)?;
+    let State { pixels, calls, one_by_one, .. } = counter.state.into_inner();
+    let subgroup_size = observed_subgroups(compute.subgroup_size, one_by_one);
+    let workgroup_size = Some(compute.workgroup_size());
+    Ok(LaunchCost { size, workgroup_size, pixels, subgroup_size, calls })
+}
+
+/// The subgroup size, where the divergence of subgroups was observed.
+fn observed_subgroups(subgroup_size: u32, one_by_one: bool) -> Option<u32> {
+    let is_seen = subgroup_size == 1 || !one_by_one;
+    Some(subgroup_size).filter(|&size| is_seen && size as usize <= LANES)
+}
+
+impl PixelCost {
+    /// Counts a step of a ray query.
+    fn count_query(&mut self, event: &RayQueryEvent) {
+        match event.step {
+            RayQueryStep::Node(_) => self.nodes += 1,
+            RayQueryStep::Primitive(..) => self.primitives += 1,
+            _ => {}
+        }
+    }
+}
+
+impl Counter<'_> {
+    /// The number of a lane's invocation in launch order: x of the launch index, or of the global
+    /// invocation ID, is fastest.
+    fn number<const W: usize>(&self, batch: &Batch<W>, lane: usize) -> usize {
+        let [x, y, z] = batch.invocations.launch_id(lane).map(|axis| axis as usize);
+        let [width, height, _] = self.size.map(|side| side as usize);
+        (z * height + y) * width + x
+    }
+
+    /// The numbers ([`Invocations::number`](anyhit_engine::machine::Invocations::number)) of the
+    /// invocations in the subgroup of a lane, of a launch whose invocations up to `end` are
+    /// counted.
+    fn subgroup<const W: usize>(&self, batch: &Batch<W>, lane: usize, end: u64) -> Range<u64> {
+        let size = u64::from(self.subgroup_size);
+        // The numbers of a dispatch are in the order of its workgroups, which have subgroups of
+        // their own.
+        let number = batch.invocations.number(lane);
+        let (begin, end) = match batch.invocations.workgroup(lane) {
+            Some(workgroup) => {
+                let begin = workgroup.index() * u64::from(workgroup.invocations());
+                (begin, begin + u64::from(workgroup.invocations()))
+            }
+            None => (0, end),
+        };
+        let first = begin + (number - begin) / size * size;
+        first..(first + size).min(end)
+    }
 }
 
 impl State {
@@ -127,11 +212,7 @@ impl PipelineObserver for Events<'_> {
         let pixel = &mut state.pixels[state.invocation - state.first];
         let stack = &mut state.stacks[state.invocation % LANES];
         match event {
-            Event::RayQuery(event) => match event.step {
-                RayQueryStep::Node(_) => pixel.nodes += 1,
-                RayQueryStep::Primitive(..) => pixel.primitives += 1,
-                _ => {}
-            },
+            Event::RayQuery(event) => pixel.count_query(&event),
             Event::Enter { shader, stage, .. } => {
                 pixel.any_hit += u64::from(stage == Stage::AnyHit);
                 let caller = stack.last().and_then(|frame| Some((frame.call, frame.site?)));
@@ -150,16 +231,18 @@ impl PipelineObserver for Events<'_> {
 struct Blocks<'a>(&'a Counter<'a>);
 
 impl<const W: usize> Observer<W> for Blocks<'_> {
-    fn resumed(&mut self, shader: ShaderIndex, _: &mut Batch<W>) {
+    fn resumed(&mut self, shader: ShaderIndex, batch: &mut Batch<W>) {
         let mut state = self.0.state.borrow_mut();
         state.shader = shader;
         state.one_by_one |= W == 1;
+        state.by_lane.clear();
+        state.by_lane.extend((0..W).map(|lane| self.0.number(batch, lane)));
     }
 
     fn stopped(&mut self, _: ShaderIndex, batch: &Batch<W>) {
         let mut state = self.0.state.borrow_mut();
         for lane in batch.mask.lanes() {
-            let number = batch.invocations.number(lane) as usize;
+            let number = state.by_lane[lane];
             if let Some(frame) = state.stacks[number % LANES].last_mut() {
                 frame.site = Some(CallSite::Op(batch.stopped_at()));
             }
@@ -170,17 +253,17 @@ impl<const W: usize> Observer<W> for Blocks<'_> {
         let state = &mut *self.0.state.borrow_mut();
         let shader = state.shader;
         let count = self.0.instructions[shader.index()][batch.block.index()];
-        let mut lanes = batch.mask.lanes().map(|lane| batch.invocations.number(lane) as usize).peekable();
+        let end = (state.first + state.pixels.len()) as u64;
+        let mut lanes = batch.mask.lanes().peekable();
         // Neighbours mostly have the same caller: they are counted together.
         let mut same: Option<(CallIndex, u64)> = None;
         while let Some(&first) = lanes.peek() {
-            let subgroup = first as u64 / u64::from(self.0.subgroup_size);
-            let begin = subgroup * u64::from(self.0.subgroup_size);
-            let end =
-                (begin + u64::from(self.0.subgroup_size)).min((state.first + state.pixels.len()) as u64);
+            let members = self.0.subgroup(batch, first, end);
+            let is_member = |lane: &usize| members.contains(&batch.invocations.number(*lane));
             let mut running = 0;
-            while let Some(number) = lanes.next_if(|&number| (number as u64) < end) {
+            while let Some(lane) = lanes.next_if(is_member) {
                 running += 1;
+                let number = state.by_lane[lane];
                 state.pixel(number).instructions += count;
                 let Some(frame) = state.stacks[number % LANES].last() else { continue };
                 same = Some(match same {
@@ -191,10 +274,10 @@ impl<const W: usize> Observer<W> for Blocks<'_> {
                     }
                 });
             }
-            if running < end - begin {
-                let mut rest = batch.mask.lanes().map(|lane| batch.invocations.number(lane));
-                while let Some(number) = rest.find(|number| (begin..end).contains(number)) {
-                    state.pixel(number as usize).divergent += count;
+            if running < members.end - members.start {
+                for lane in batch.mask.lanes().filter(is_member) {
+                    let number = state.by_lane[lane];
+                    state.pixel(number).divergent += count;
                 }
             }
         }

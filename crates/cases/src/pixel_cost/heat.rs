@@ -1,6 +1,6 @@
 //! One number for each pixel of a launch, and where it is greatest.
 
-use crate::pixel_cost::{LaunchCost, PixelCost};
+use crate::pixel_cost::{InvocationPlane, LaunchCost, PixelCost, PlaneKind};
 use anyhit_base::error::{Error, ErrorKind, Result};
 
 /// What a heat map shows.
@@ -38,15 +38,16 @@ impl HeatMeasure {
         }
     }
 
-    /// What is measured of a pixel, in words that fit a line.
-    pub fn title(self) -> &'static str {
+    /// What is measured, in words that fit a line.
+    fn title(self, kind: PlaneKind) -> String {
+        let word = kind.word();
         match self {
-            Self::Instructions => "SPIR-V instructions per pixel",
-            Self::Nodes => "BVH nodes opened per pixel",
-            Self::Primitives => "primitives tested per pixel",
-            Self::AnyHit => "any-hit invocations per pixel",
-            Self::Divergence => "% of instructions executed by part of a subgroup",
-            Self::Ulps => "error against f64, in ulps of f32",
+            Self::Instructions => format!("SPIR-V instructions per {word}"),
+            Self::Nodes => format!("BVH nodes opened per {word}"),
+            Self::Primitives => format!("primitives tested per {word}"),
+            Self::AnyHit => format!("any-hit invocations per {word}"),
+            Self::Divergence => "% of instructions executed by part of a subgroup".to_owned(),
+            Self::Ulps => "error against f64, in ulps of f32".to_owned(),
         }
     }
 
@@ -71,6 +72,8 @@ impl HeatMeasure {
 pub struct Heat {
     /// What the numbers are.
     pub measure: HeatMeasure,
+    /// What they are of.
+    pub kind: PlaneKind,
     /// Width and height.
     pub extent: [u32; 2],
     /// The numbers, rows from the top.
@@ -78,11 +81,11 @@ pub struct Heat {
 }
 
 impl LaunchCost {
-    /// The numbers of a measure that is among the counts.
+    /// The numbers of a measure that is among the counts, on a plane.
     ///
     /// # Errors
-    /// `InvalidArgument` for a launch that has a depth, and of divergence where it cannot be seen.
-    pub fn heat(&self, measure: HeatMeasure) -> Result<Heat> {
+    /// `UnsupportedModule` of divergence where it cannot be seen.
+    pub fn heat(&self, measure: HeatMeasure, plane: &InvocationPlane) -> Result<Heat> {
         if measure == HeatMeasure::Divergence && self.subgroup_size.is_none() {
             let message = "the divergence of this launch cannot be counted";
             return Err(Error::new(ErrorKind::UnsupportedModule, message).note(
@@ -90,24 +93,20 @@ impl LaunchCost {
                     or its subgroups have more than 64",
             ));
         }
-        Heat::new(measure, self.size, self.pixels.iter().filter_map(|pixel| measure.of(pixel)).collect())
+        let values: Vec<f64> = self.pixels.iter().filter_map(|pixel| measure.of(pixel)).collect();
+        Ok(Heat::new(measure, plane, &values))
     }
 }
 
 impl Heat {
-    /// Numbers by launch index.
-    ///
-    /// # Errors
-    /// `InvalidArgument` for a launch that is no picture, as it has a depth.
-    pub fn new(measure: HeatMeasure, size: [u32; 3], values: Vec<f64>) -> Result<Self> {
-        let [width, height, depth] = size;
-        if depth != 1 {
-            let message =
-                format!("a launch of {width} x {height} x {depth} has no heat map: its depth must be 1");
-            return Err(Error::new(ErrorKind::InvalidArgument, message)
-                .note("use `--profile` for launches of any depth"));
-        }
-        Ok(Self { measure, extent: [width, height], values })
+    /// Numbers of all invocations in launch order, on a plane.
+    pub fn new(measure: HeatMeasure, plane: &InvocationPlane, values: &[f64]) -> Self {
+        Self { measure, kind: plane.kind, extent: plane.extent, values: plane.values(values) }
+    }
+
+    /// What is measured, in words that fit a line.
+    pub fn title(&self) -> String {
+        self.measure.title(self.kind)
     }
 
     /// The sum.
@@ -165,7 +164,8 @@ mod tests {
     use super::*;
 
     fn heat(values: &[f64]) -> Heat {
-        Heat::new(HeatMeasure::Nodes, [values.len() as u32 / 2, 2, 1], values.to_vec()).expect("a plane")
+        let plane = InvocationPlane::of_launch([values.len() as u32 / 2, 2, 1]);
+        Heat::new(HeatMeasure::Nodes, &plane, values)
     }
 
     #[test]
@@ -188,11 +188,6 @@ mod tests {
         // Of nine equal ones three: the second, fifth and eighth.
         let nine = Heat { extent: [3, 3], values: vec![4.0; 9], ..six };
         assert_eq!(nine.worst(3), (vec![([1, 0], 4.0), ([1, 1], 4.0), ([1, 2], 4.0)], 6));
-    }
-
-    #[test]
-    fn a_launch_with_a_depth_is_no_picture() {
-        assert!(Heat::new(HeatMeasure::Nodes, [1, 1, 2], vec![0.0; 2]).is_err());
     }
 
     #[test]

@@ -2,19 +2,23 @@
 //!
 //! A stack is a line: frames from ray generation through traces and functions to the line whose
 //! instructions ran, separated by semicolons, then the number of instructions, counted by lanes.
-//! That is the format that `stackcollapse` programs write and flame graphs are drawn from.
+//! Each shader has a frame of its own above those of its lines. That is the format that
+//! `stackcollapse` programs write and flame graphs are drawn from.
 
 use std::collections::HashMap;
 use std::fmt::Write;
 use std::sync::Arc;
 
-use crate::pixel_cost::call_tree::{Call, CallIndex, CallSite, CallTree};
+use crate::pixel_cost::call_tree::{Call, CallSite, CallTree};
+use anyhit_base::error::Result;
 use anyhit_base::escape;
 use anyhit_base::sorted::SortedMap;
 use anyhit_engine::machine::{BlockIndex, OpIndex, ShaderIndex};
 use anyhit_engine::pipeline::Pipeline;
 use anyhit_engine::program::{Program, Terminator};
 use anyhit_explain::names::Names;
+use anyhit_scene::ResolvedScene;
+use anyhit_scene::frame::SinglePass;
 
 /// The instructions of a launch by stack.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -24,21 +28,40 @@ pub struct Profile {
 }
 
 impl Profile {
+    /// The profile of the calls of a scene's pass.
+    ///
+    /// # Errors
+    /// As [`PipelineBuilder::build`](anyhit_engine::pipeline::PipelineBuilder::build).
+    pub fn of_pass(scene: &ResolvedScene, single: &SinglePass<'_>, calls: &CallTree) -> Result<Self> {
+        Ok(match single {
+            SinglePass::Launch(single) => {
+                let names = Names::new(scene, single.index, &single.pipeline);
+                Self::new(calls, &single.pipeline, &names)
+            }
+            SinglePass::Dispatch(single) => {
+                let mut builder = Pipeline::builder();
+                builder.shader(single.dispatch.compute.program.clone());
+                let pipeline = builder.build()?;
+                let module = scene.dispatches[single.index].shader.module;
+                Self::new(calls, &pipeline, &Names::of_dispatch(scene, module, &pipeline))
+            }
+        })
+    }
+
     /// The profile of the calls of a launch.
     pub fn new(calls: &CallTree, pipeline: &Pipeline, names: &Names<'_>) -> Self {
         let shaders = (0..).map(ShaderIndex).zip(&pipeline.programs);
         let mut frames = Frames {
             calls,
             shaders: shaders.map(|(shader, program)| ShaderFrames::new(shader, program, names)).collect(),
-            callers: HashMap::new(),
+            stacks: HashMap::new(),
         };
         let mut profile = Self::default();
         for ((call, block), lanes) in calls.blocks() {
-            let caller = frames.caller(calls.call(call));
+            let stack = frames.stack(calls.call(call));
             let shader = &frames.shaders[calls.call(call).shader.index()];
-            for (stack, instructions) in shader.lines(block) {
-                let stack = if caller.is_empty() { stack } else { format!("{caller};{stack}") };
-                *profile.stacks.entry(stack).or_default() += lanes * instructions;
+            for (lines, instructions) in shader.lines(block) {
+                *profile.stacks.entry(format!("{stack}{lines}")).or_default() += lanes * instructions;
             }
         }
         profile
@@ -64,22 +87,30 @@ impl Profile {
 struct Frames<'a> {
     calls: &'a CallTree,
     shaders: Vec<ShaderFrames<'a>>,
-    /// The stacks that call what was asked for, by the caller and where it calls.
-    callers: HashMap<(CallIndex, CallSite), String>,
+    /// The stacks of calls that were asked for.
+    stacks: HashMap<Call, String>,
 }
 
 impl Frames<'_> {
-    /// The stack that made a call; empty for ray generation.
-    fn caller(&mut self, call: Call) -> String {
-        let Some((caller, site)) = call.caller else { return String::new() };
-        if let Some(known) = self.callers.get(&(caller, site)) {
+    /// The stack of a call: up to the frame of its shader, or to the line that calls its function.
+    fn stack(&mut self, call: Call) -> String {
+        if let Some(known) = self.stacks.get(&call) {
             return known.clone();
         }
-        let above = self.calls.call(caller);
-        let own = self.shaders[above.shader.index()].site(site);
-        let outer = self.caller(above);
-        let stack = if outer.is_empty() { own } else { format!("{outer};{own}") };
-        self.callers.insert((caller, site), stack.clone());
+        let entry = &self.shaders[call.shader.index()].entry;
+        let stack = match call.caller {
+            None => entry.clone(),
+            Some((caller, site)) => {
+                let above = self.calls.call(caller);
+                let shader = match site {
+                    CallSite::Op(_) => format!(";{entry}"),
+                    CallSite::ReturnTo(_) => String::new(),
+                };
+                let line = self.shaders[above.shader.index()].site(site);
+                format!("{}{line}{shader}", self.stack(above))
+            }
+        };
+        self.stacks.insert(call, stack.clone());
         stack
     }
 }
@@ -87,7 +118,7 @@ impl Frames<'_> {
 /// The frames of one shader.
 struct ShaderFrames<'a> {
     program: &'a Program,
-    /// The stage, and where there are no lines the file of the module.
+    /// The stage, and the file of the shader.
     entry: String,
     /// Word offsets of the module's instructions, ascending.
     instructions: Vec<u32>,
@@ -101,6 +132,9 @@ impl<'a> ShaderFrames<'a> {
             (None, Some(name)) => name,
             (None, None) => label.entry,
         };
+        // Lines are those of the source.
+        let has_lines = !program.module.debug_info.files.is_empty();
+        let file = file.strip_suffix(".spv").filter(|_| has_lines).unwrap_or(&file);
         Self {
             program,
             entry: frame(&format!("{} {file}", program.stage.name())),
@@ -108,19 +142,19 @@ impl<'a> ShaderFrames<'a> {
         }
     }
 
-    /// The stacks within the shader whose instructions a block runs, and how many of each.
+    /// The frames below the shader's whose instructions a block runs, and how many of each.
     fn lines(&self, block: BlockIndex) -> SortedMap<String, u64> {
         let mut lines = SortedMap::new();
         for span in self.program.instruction_spans.iter().filter(|span| span.block == block) {
             let first = self.instructions.partition_point(|&offset| offset < span.first);
             for &offset in self.instructions[first..].iter().take_while(|&&offset| offset <= span.last) {
-                *lines.entry(self.stack(span.scope, offset)).or_default() += 1;
+                *lines.entry(self.frames(span.scope, offset)).or_default() += 1;
             }
         }
         lines
     }
 
-    /// The stack within the shader that makes a call.
+    /// The frames below the shader's that make a call.
     fn site(&self, site: CallSite) -> String {
         let origin = match site {
             CallSite::Op(op) => self.program.origins.get(op.index()),
@@ -130,41 +164,41 @@ impl<'a> ShaderFrames<'a> {
                 at.and_then(|at| self.program.origins.get(OpIndex::new(self.program.ops.len() + at).index()))
             }
         };
-        origin.map_or_else(|| self.entry.clone(), |origin| self.stack(origin.scope, origin.offset))
+        origin.map_or_else(String::new, |origin| self.frames(origin.scope, origin.offset))
     }
 
-    /// The frames of an instruction: of the inlined calls that lead to it, then its own.
-    fn stack(&self, scope: u32, offset: u32) -> String {
-        let own = self.frame(scope, offset);
+    /// The frames of an instruction below its shader's, each behind a semicolon: of the inlined
+    /// calls that lead to it, then its own.
+    fn frames(&self, scope: u32, offset: u32) -> String {
+        let own = self.frame(scope, offset).map_or_else(String::new, |own| format!(";{own}"));
         match self.program.scopes.get(scope as usize) {
             // A function that is not inlined knows no call of its own.
             Some(inlined) if scope > 0 && inlined.call > 0 => {
-                format!("{};{own}", self.stack(inlined.parent, inlined.call))
+                format!("{}{own}", self.frames(inlined.parent, inlined.call))
             }
             _ => own,
         }
     }
 
-    /// The frame of an instruction: its stage or function, and its line.
-    fn frame(&self, scope: u32, offset: u32) -> String {
+    /// The frame of an instruction: its function, unless that is the entry point, and its line;
+    /// `None` where neither is known.
+    fn frame(&self, scope: u32, offset: u32) -> Option<String> {
         let module = &self.program.module;
         let function = self.program.scopes.get(scope as usize).filter(|_| scope > 0);
-        let what = match function.map(|scope| scope.function) {
-            Some(id) => module.function_name(id).map_or_else(|| format!("function %{}", id.0), str::to_owned),
-            None => self.program.stage.name().to_owned(),
-        };
+        let function = function.map(|scope| match module.function_name(scope.function) {
+            Some(name) => name.to_owned(),
+            None => format!("function %{}", scope.function.0),
+        });
         let debug = &module.debug_info;
         let begin = module.functions.iter().rfind(|function| function.offset <= offset);
         let line = debug.line_at(offset).or_else(|| debug.line_before(offset, begin?.offset));
         let file = line.and_then(|line| Some((debug.files.get(line.file as usize)?, line.line)));
-        match file {
-            Some((file, line)) => {
-                let name = file.name.rsplit(['/', '\\']).next().unwrap_or(&file.name);
-                frame(&format!("{what} {name}:{line}"))
-            }
-            None if scope > 0 => frame(&what),
-            None => self.entry.clone(),
-        }
+        let line = file.map(|(file, line)| {
+            let name = file.name.rsplit(['/', '\\']).next().unwrap_or(&file.name);
+            format!("{name}:{line}")
+        });
+        let words: Vec<String> = function.into_iter().chain(line).collect();
+        (!words.is_empty()).then(|| frame(&words.join(" ")))
     }
 }
 

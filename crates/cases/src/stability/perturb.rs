@@ -381,7 +381,7 @@ impl Probe for Perturber<'_> {
         self.products.clear();
         (self.dispatch, self.invocation) = match part {
             RunPart::Invocation { launch, id, .. } => (None, (usize::MAX - launch, id)),
-            RunPart::Dispatch(at) => (Some(at), (at, [0; 3])),
+            RunPart::Dispatch { program, .. } => (Some(program), (program, [0; 3])),
             RunPart::Ray(_) => (None, (usize::MAX, [0; 3])),
         };
         self.pipeline = part.pipeline();

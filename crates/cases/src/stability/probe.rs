@@ -15,6 +15,8 @@ use anyhit_scene::{Assembled, ResolvedScene};
 pub(super) enum RunPart {
     /// An invocation of ray generation.
     Invocation {
+        /// Which pass of the scene, from 0.
+        pass: usize,
         /// Which launch of the scene, from 0.
         launch: usize,
         /// The pipeline: a named one by its index, or `[pipeline]`.
@@ -22,8 +24,13 @@ pub(super) enum RunPart {
         /// The launch index.
         id: [u32; 3],
     },
-    /// A dispatch, by the index of its program among [`Programs`](super::place::Programs).
-    Dispatch(usize),
+    /// A dispatch.
+    Dispatch {
+        /// Which pass of the scene, from 0.
+        pass: usize,
+        /// The index of its program among [`Programs`](super::place::Programs).
+        program: usize,
+    },
     /// A ray that the host traces, with a pipeline.
     Ray(Option<usize>),
 }
@@ -33,7 +40,7 @@ impl RunPart {
     pub(super) fn pipeline(self) -> Option<usize> {
         match self {
             Self::Invocation { pipeline, .. } | Self::Ray(pipeline) => pipeline,
-            Self::Dispatch(_) => None,
+            Self::Dispatch { .. } => None,
         }
     }
 }
@@ -92,19 +99,19 @@ pub(super) fn run<P: Probe>(
     collect: &mut dyn FnMut(P),
 ) -> Result<()> {
     let mut launches = 0;
-    for pass in &assembled.passes {
+    for (number, pass) in assembled.passes.iter().enumerate() {
         let resources = assembled.pass_resources(pass, resources);
         match &pass.work {
             PassWork::Launch(one) => {
                 let pipeline = assembled.pass_pipeline(one);
                 let run = Launch { pipeline: &pipeline, resources: &resources };
-                watch_launch(run, one, launches, make_probe, collect)?;
+                watch_launch(run, one, [number, launches], make_probe, collect)?;
                 launches += 1;
             }
             PassWork::Dispatch(at) => {
                 let (dispatch, first) = (&assembled.dispatches[*at], assembled.dispatch_program(*at));
                 let probe = RefCell::new(make_probe());
-                probe.borrow_mut().begin(RunPart::Dispatch(first));
+                probe.borrow_mut().begin(RunPart::Dispatch { pass: number, program: first });
                 let outcome = dispatch.compute.run_one_lane_observed(
                     &resources,
                     dispatch.groups(&resources),
@@ -118,11 +125,12 @@ pub(super) fn run<P: Probe>(
     Ok(())
 }
 
-/// Runs the invocations of a launch one by one.
+/// Runs the invocations of a launch one by one. The numbers are those of its pass and of the launch
+/// among all.
 fn watch_launch<P: Probe>(
     run: Launch<'_>,
     launch: &LaunchPass,
-    number: usize,
+    [pass, number]: [usize; 2],
     make_probe: &(impl Fn() -> P + Sync),
     collect: &mut dyn FnMut(P),
 ) -> Result<()> {
@@ -132,7 +140,12 @@ fn watch_launch<P: Probe>(
         let probe = RefCell::new(make_probe());
         let mut outcome = Ok(());
         for id in ids {
-            probe.borrow_mut().begin(RunPart::Invocation { launch: number, pipeline: launch.pipeline, id });
+            probe.borrow_mut().begin(RunPart::Invocation {
+                pass,
+                launch: number,
+                pipeline: launch.pipeline,
+                id,
+            });
             let mut sink = |event: Event| probe.borrow_mut().event(&event);
             let first = probe.borrow().first_program();
             let mut observer = ProbeObserver { probe: &probe, first };
@@ -173,7 +186,7 @@ pub(super) fn run_one<P: Probe>(
         };
         let pipeline = single.index;
         probe.borrow_mut().begin(match &which.what {
-            SingleRun::Pixel(id) => RunPart::Invocation { launch: 0, pipeline, id: *id },
+            SingleRun::Pixel(id) => RunPart::Invocation { pass: single.number, launch: 0, pipeline, id: *id },
             SingleRun::Ray(_) => RunPart::Ray(pipeline),
         });
         let first = probe.borrow().first_program();

@@ -37,18 +37,18 @@ pub fn shadow(scene: &ResolvedScene, assembled: &Assembled) -> Result<(ShadowFin
     trap_of(outcome).map(|trap| (sum, trap))
 }
 
-/// Runs a scene's passes as [`shadow`] does. Returns for each invocation of one of its launches,
-/// counted from 0, how far what it writes to images is from f64 arithmetic: the greatest error of a
-/// float component, before it is converted to the image's format, in units in the last place of an
-/// f32. Where a number is not finite on one of the two sides there is nothing to compare: it has no
-/// error.
+/// Runs a scene's passes as [`shadow`] does. Returns for each invocation of one of its passes, of
+/// so many invocations, how far what it writes to images is from f64 arithmetic: the greatest error
+/// of a float component, before it is converted to the image's format, in units in the last place
+/// of an f32. Where a number is not finite on one of the two sides there is nothing to compare: it
+/// has no error.
 ///
 /// # Errors
 /// As [`shadow`], and the first trap.
 pub fn texel_errors(
     scene: &ResolvedScene,
     assembled: &Assembled,
-    launch: usize,
+    pass: usize,
     size: [u32; 3],
 ) -> Result<Vec<f64>> {
     let _work = Work::new("measuring rounding errors");
@@ -61,7 +61,7 @@ pub fn texel_errors(
         &resources,
         &|| ShadowInterpreter::new(&context),
         &mut |interpreter: ShadowInterpreter<'_>| {
-            for texel in interpreter.texel_errors.iter().filter(|texel| texel.launch == launch) {
+            for texel in interpreter.texel_errors.iter().filter(|texel| texel.pass == pass) {
                 let [x, y, z] = texel.id.map(|axis| axis as usize);
                 let error = &mut errors[(z * height + y) * width + x];
                 *error = error.max(texel.ulps);

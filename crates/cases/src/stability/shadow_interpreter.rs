@@ -45,9 +45,9 @@ pub(super) struct ShadowInterpreter<'a> {
     launch_id: Option<[u32; 3]>,
     dispatch: bool,
     pipeline: Option<usize>,
-    /// Which launch of the scene runs, from 0.
-    launch: usize,
-    /// The errors of the texels that invocations of launches have written.
+    /// Which pass of the scene runs, from 0.
+    pass: usize,
+    /// The errors of the texels that invocations have written.
     pub texel_errors: Vec<TexelError>,
     /// The findings by shader and word offset.
     found: HashMap<(usize, u32), LineFindings>,
@@ -78,7 +78,7 @@ impl<'a> ShadowInterpreter<'a> {
             launch_id: None,
             dispatch: false,
             pipeline: None,
-            launch: 0,
+            pass: 0,
             texel_errors: Vec::new(),
             found: HashMap::new(),
         }
@@ -476,12 +476,13 @@ impl Probe for ShadowInterpreter<'_> {
         self.rays.clear();
         // A ray from the host has no shadow values.
         self.rays.push(ShadowedTrace::default());
-        (self.launch, self.launch_id) = match part {
-            RunPart::Invocation { launch, id, .. } => (launch, Some(id)),
-            RunPart::Dispatch(_) | RunPart::Ray(_) => (0, None),
+        (self.pass, self.launch_id) = match part {
+            RunPart::Invocation { pass, id, .. } => (pass, Some(id)),
+            RunPart::Dispatch { pass, .. } => (pass, None),
+            RunPart::Ray(_) => (0, None),
         };
         self.pipeline = part.pipeline();
-        self.dispatch = matches!(part, RunPart::Dispatch(_));
+        self.dispatch = matches!(part, RunPart::Dispatch { .. });
     }
 
     fn first_program(&self) -> usize {
@@ -569,9 +570,9 @@ impl Probe for ShadowInterpreter<'_> {
             }
             Op::RayQuery(op) => self.ray_query_op(batch, program.origins[at].offset, op),
             Op::Image(ImageOp::Write(op)) if op.is_float() => {
-                if let (Some(id), false) = (self.launch_id, self.dispatch) {
+                if let Some(id) = self.launch_id {
                     let ulps = frame.texel_ulps(batch, op);
-                    self.texel_errors.push(TexelError { launch: self.launch, id, ulps });
+                    self.texel_errors.push(TexelError { pass: self.pass, id, ulps });
                 }
                 self.memory.extend(texel_shadows::stored(frame, batch, bindings, op));
             }

@@ -44,9 +44,9 @@ pub(super) enum WaitsFor {
 /// How far a texel that an invocation writes is from its shadow.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct TexelError {
-    /// Which launch of the scene, from 0.
-    pub launch: usize,
-    /// The launch index.
+    /// Which pass of the scene, from 0.
+    pub pass: usize,
+    /// The launch index, or the global invocation ID.
     pub id: [u32; 3],
     /// The greatest error of a component, in units in the last place of an f32.
     pub ulps: f64,

@@ -94,7 +94,7 @@ impl Debugger {
         company: Option<Company>,
     ) -> Result<Self> {
         let dispatch = session.dispatch(number)?;
-        let (_, pass) = session.run_before_dispatch(number)?;
+        let pass = session.run_before_dispatch(number)?;
         let resources = session.assembled.pass_resources(pass, &session.assembled.resources).into_owned();
         let groups = dispatch.groups(&resources);
         Self::of_compute_in(&dispatch.compute, &resources, groups, id, company)

@@ -212,6 +212,21 @@ impl Compute {
         self.run_to_trap_observed(resources, groups, on_event, observer)?.map_err(|trapped| trapped.error)
     }
 
+    /// Runs as [`Compute::run_observed`] does; the events of ray queries include every node,
+    /// instance and primitive that their traversals test.
+    ///
+    /// # Errors
+    /// As [`Compute::run`].
+    pub fn run_observed_with_traversal(
+        &self,
+        resources: &Resources,
+        groups: [u32; 3],
+        on_event: &mut dyn FnMut(Event),
+        observer: &mut dyn LaunchObserver,
+    ) -> Result<Stats> {
+        self.observe(resources, groups, on_event, true, observer)?.map_err(|trapped| trapped.error)
+    }
+
     /// Runs as [`Compute::run_observed`] does; the inner result is the whole [`Trapped`], whose
     /// shader is 0.
     ///
@@ -222,6 +237,18 @@ impl Compute {
         resources: &Resources,
         groups: [u32; 3],
         on_event: &mut dyn FnMut(Event),
+        observer: &mut dyn LaunchObserver,
+    ) -> Result<Ended> {
+        self.observe(resources, groups, on_event, false, observer)
+    }
+
+    /// Runs under observers, with events of traversals on request.
+    fn observe(
+        &self,
+        resources: &Resources,
+        groups: [u32; 3],
+        on_event: &mut dyn FnMut(Event),
+        traversal: bool,
         observer: &mut dyn LaunchObserver,
     ) -> Result<Ended> {
         self.check_size(groups)?;
@@ -244,11 +271,11 @@ impl Compute {
                 &mut (first..count.min(first + groups_per_task)).map(|index| self.group(index, groups));
             let (task_stats, trapped) = if !uses_subgroups && self.program.order_dependent {
                 let observer: &mut dyn Observer<1> = &mut *observer;
-                let mut observers = Observers::new(observer, &mut *on_event);
+                let mut observers = Observers::new(observer, &mut *on_event).with_traversal(traversal);
                 self.runner::<1>(&bindings, watch).run(groups, &mut observers)
             } else {
                 let observer: &mut dyn Observer<64> = &mut *observer;
-                let mut observers = Observers::new(observer, &mut *on_event);
+                let mut observers = Observers::new(observer, &mut *on_event).with_traversal(traversal);
                 self.runner::<64>(&bindings, watch).run(groups, &mut observers)
             };
             if let Some(trapped) = trapped {

@@ -117,9 +117,9 @@ impl<'a, O> Observers<'a, O> {
         Self { observer, on_event: Some(on_event), traversal: false }
     }
 
-    /// Ray queries report every node, instance and primitive that they test, too.
-    pub(super) fn with_traversal(self) -> Self {
-        Self { traversal: true, ..self }
+    /// Lets ray queries report every node, instance and primitive that they test, or not.
+    pub(super) fn with_traversal(self, traversal: bool) -> Self {
+        Self { traversal, ..self }
     }
 }
 

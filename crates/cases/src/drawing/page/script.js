@@ -27,31 +27,64 @@
     return new Response(stream).arrayBuffer();
   }
 
+  // The shortest digits of a number as f32.
+  const float = (value) => {
+    const digits = [1, 2, 3, 4, 5, 6, 7, 8, 9].find((count) => Math.fround(value.toPrecision(count)) === value);
+    return Object.is(value, -0) ? "-0" : String(digits ? Number(value.toPrecision(digits)) : value);
+  };
+
   let selected = null;
   by("title").textContent = data.title;
   list(by("facts"), data.facts);
 
-  // Pictures side by side: each in a frame that scrolls, with marks and a cursor over it.
-  const planes = data.pictures.map((picture) => {
+  // The invocations behind the pixels: their IDs are numbered in launch order, x fastest.
+  const { word, size: [across, down, depth], stride, dimensions } = data.invocations;
+  for (const place of document.querySelectorAll(".word")) place.textContent = word;
+  const idOf = (x, y) => {
+    const at = y * stride + x;
+    return [at % across, Math.floor(at / across) % down, Math.floor(at / across / down)].slice(0, dimensions);
+  };
+  const pixelOf = (id) => {
+    const [x, y, z] = [across, down, depth].map((side, axis) => Math.min(Math.max(id[axis] ?? 0, 0), side - 1));
+    const at = (z * down + y) * across + x;
+    return [at % stride, Math.floor(at / stride)];
+  };
+
+  // Pictures side by side: each in a frame that scrolls, with marks and a cursor over it. Without
+  // pictures, one frame for the heat maps.
+  const planes = (data.pictures.length > 0 ? data.pictures : [null]).map((picture) => {
     const figure = add(by("figures"), "figure");
-    const caption = add(figure, "figcaption", picture.name);
+    const name = picture ? picture.name : "heat map";
+    const caption = add(figure, "figcaption", name);
     const scroll = add(figure, "div");
     scroll.className = "scroll";
     const plane = add(scroll, "div");
     plane.className = "plane";
     plane.tabIndex = 0;
     plane.setAttribute("role", "application");
-    plane.setAttribute("aria-label", `${picture.name}, ${width} by ${height} pixels`);
+    plane.setAttribute("aria-label", `${name}, ${width} by ${height} pixels`);
     const image = add(plane, "img");
-    image.alt = picture.name;
-    image.src = picture.png;
+    image.alt = name;
+    if (picture) image.src = picture.png;
+    const exposed = add(plane, "canvas");
+    exposed.className = "exposed";
+    exposed.hidden = true;
     const canvas = add(plane, "canvas");
     canvas.className = "marks";
     const cursor = add(plane, "div");
     cursor.className = "cursor";
     cursor.hidden = true;
-    return { picture, caption, scroll, plane, image, canvas, cursor };
+    return { picture, caption, scroll, plane, image, exposed, canvas, cursor };
   });
+  // Puts a picture or a layer in a frame.
+  const put = (frame, { name, png }, picture) => {
+    frame.picture = picture;
+    frame.exposed.hidden = true;
+    frame.image.src = png;
+    frame.image.alt = name;
+    frame.caption.textContent = name;
+    expose();
+  };
   document.querySelector("main").classList.toggle("compare", planes.length > 1);
 
   // Sizes: whole multiples of a pixel, or as wide as there is room.
@@ -60,10 +93,12 @@
   const scale = (plane) => plane.getBoundingClientRect().width / width;
   const resize = () => {
     const factor = Number(zoom.value);
-    for (const { scroll, plane } of planes) {
+    for (const { scroll, plane, cursor } of planes) {
       scroll.style.width = factor ? "fit-content" : "100%";
       plane.style.width = factor ? `${width * factor}px` : "100%";
       plane.style.aspectRatio = `${width} / ${height}`;
+      // Inside a large pixel, no edge of the picture cuts the cursor.
+      cursor.classList.toggle("inside", scale(plane) >= 12);
     }
     drawMarks();
   };
@@ -230,10 +265,8 @@
   // The layer whose legend and worst pixels are shown.
   let legendLayer = null;
   const show = (layer) => {
-    const first = planes[0];
-    first.image.src = layer ? layer.png : first.picture.png;
-    first.image.alt = layer ? layer.title : first.picture.name;
-    first.caption.textContent = layer ? layer.title : first.picture.name;
+    if (layer) put(planes[0], { name: layer.title, png: layer.png }, null);
+    else put(planes[0], data.pictures[0], data.pictures[0]);
     // The legend of a picture of differences stays.
     legendLayer = layer ?? (planes.length > 1 ? data.layers.at(-1) : null);
     by("legend").hidden = !legendLayer;
@@ -258,7 +291,7 @@
     by("worst-list").replaceChildren();
     for (const [[x, y], value] of layer.worst) {
       const item = add(by("worst-list"), "li");
-      const button = add(item, "button", `${x},${y}`);
+      const button = add(item, "button", idOf(x, y).join(","));
       button.type = "button";
       button.addEventListener("click", () => {
         select(x, y);
@@ -267,10 +300,9 @@
       item.append(` ${shown(value)}`);
     }
   };
-  const inputs = [choose(data.pictures[0].name, null), ...data.layers.map((layer) => choose(layer.name, layer))];
-  const begin = Math.max(0, 1 + data.layers.findIndex((layer) => layer.name === data.shown));
-  inputs[begin].checked = true;
-  show(begin > 0 ? data.layers[begin - 1] : null);
+  const shows = [...data.pictures.slice(0, 1).map(({ name }) => [name, null]), ...data.layers.map((layer) => [layer.name, layer])];
+  const inputs = shows.map(([name, layer]) => choose(name, layer));
+  const begin = Math.max(0, shows.findIndex(([, layer]) => layer && layer.name === data.shown));
   layers.hidden = data.layers.length === 0;
 
   by("marks").addEventListener("change", () => drawMarks());
@@ -283,18 +315,19 @@
   // Found and expected take each other's place in the first frame.
   const flicker = () => {
     if (planes.length < 2) return;
-    const first = planes[0];
-    const isFound = first.image.src === data.pictures[0].png;
-    const next = data.pictures[isFound ? 1 : 0];
-    first.image.src = next.png;
-    first.image.alt = next.name;
-    first.caption.textContent = next.name;
+    const next = data.pictures[planes[0].picture === data.pictures[0] ? 1 : 0];
+    put(planes[0], next, next);
   };
   by("flicker").hidden = planes.length < 2;
   by("flicker").addEventListener("click", flicker);
   addEventListener("keydown", (event) => {
-    const isTyped = event.ctrlKey || event.altKey || event.metaKey || event.target.matches?.("input[type=number], select");
-    if (event.key.toLowerCase() === "f" && !isTyped) flicker();
+    if (event.ctrlKey || event.altKey || event.metaKey || event.target.matches?.("input[type=number], select")) return;
+    const key = event.key.toLowerCase();
+    if (key === "f") flicker();
+    if (by("exposing").hidden) return;
+    if (key === "e") setStops(stops + (event.shiftKey ? -0.5 : 0.5));
+    if (key === "n") normalize();
+    if (key === "r") setStops(0);
   });
 
   by("wrap").addEventListener("change", () => by("explanation").classList.toggle("wrapped", by("wrap").checked));
@@ -309,12 +342,13 @@
     }
     return planesOfNumbers.get(layer);
   };
-  const colours = new Map();
-  const colourOf = async (picture, x, y) => {
-    if (!colours.has(picture)) {
+  const paints = new Map();
+  // The pixels of a picture, in a canvas.
+  const paintOf = (picture) => {
+    if (!paints.has(picture)) {
       const image = new Image();
       image.src = picture.png;
-      colours.set(picture, image.decode().then(() => {
+      paints.set(picture, image.decode().then(() => {
         const canvas = document.createElement("canvas");
         canvas.width = width;
         canvas.height = height;
@@ -323,9 +357,109 @@
         return paint;
       }).catch(() => null));
     }
-    const paint = await colours.get(picture);
+    return paints.get(picture);
+  };
+  const colourOf = async (picture, x, y) => {
+    const paint = await paintOf(picture);
     return paint ? Array.from(paint.getImageData(x, y, 1, 1).data).join(" ") : null;
   };
+  const planesOfFloats = new Map();
+  // The numbers of an image of floats, by pixel; null for other images.
+  const floatsOf = (picture) => {
+    if (!picture.floats) return Promise.resolve(null);
+    if (!planesOfFloats.has(picture)) {
+      const joined = inflated(picture.floats.values).then((buffer) => {
+        const count = buffer.byteLength / 4;
+        const [planar, bytes] = [new Uint8Array(buffer), new Uint8Array(buffer.byteLength)];
+        for (let byte = 0; byte < 4; byte += 1) {
+          for (let at = 0; at < count; at += 1) bytes[4 * at + byte] = planar[byte * count + at];
+        }
+        const view = new DataView(bytes.buffer);
+        return Float32Array.from({ length: count }, (_, at) => view.getFloat32(4 * at, true));
+      });
+      planesOfFloats.set(picture, joined.catch(() => null));
+    }
+    return planesOfFloats.get(picture);
+  };
+
+  // Exposure: the numbers of pictures times a power of two, encoded as the pictures are.
+  const ENCODINGS = {
+    srgb: {
+      encode: (number) => (number <= 0.0031308 ? 12.92 * number : 1.055 * number ** (1 / 2.4) - 0.055),
+      decode: (stored) => (stored <= 0.04045 ? stored / 12.92 : ((stored + 0.055) / 1.055) ** 2.4),
+    },
+    stored: { encode: (number) => number, decode: (stored) => stored },
+  };
+  const MOST_STOPS = 16;
+  let stops = 0;
+  // The numbers of a picture's red, green and blue, three a pixel.
+  const planesOfColours = new Map();
+  const coloursOf = (picture) => {
+    if (!planesOfColours.has(picture)) {
+      planesOfColours.set(picture, Promise.all([floatsOf(picture), paintOf(picture)]).then(([floats, paint]) => {
+        const pixels = paint.getImageData(0, 0, width, height).data;
+        const { decode } = ENCODINGS[picture.encoding];
+        const ofByte = Float32Array.from({ length: 256 }, (_, byte) => decode(byte / 255));
+        const numbers = new Float32Array(3 * width * height);
+        const channels = floats ? Math.min(3, picture.floats.channels) : 3;
+        for (let at = 0; at < width * height; at += 1) {
+          for (let channel = 0; channel < channels; channel += 1) {
+            numbers[3 * at + channel] = floats ? floats[picture.floats.channels * at + channel] : ofByte[pixels[4 * at + channel]];
+          }
+        }
+        return { numbers, pixels };
+      }));
+    }
+    return planesOfColours.get(picture);
+  };
+  const exposeIn = async (frame) => {
+    const { picture, exposed } = frame;
+    if (stops === 0 || !picture?.encoding) {
+      exposed.hidden = true;
+      return;
+    }
+    const own = stops;
+    const { numbers, pixels } = await coloursOf(picture);
+    if (own !== stops || picture !== frame.picture) return;
+    const { encode } = ENCODINGS[picture.encoding];
+    const factor = 2 ** stops;
+    const image = new ImageData(new Uint8ClampedArray(pixels), width, height);
+    for (let at = 0; at < width * height; at += 1) {
+      const [red, green, blue] = [numbers[3 * at], numbers[3 * at + 1], numbers[3 * at + 2]];
+      // NaN is magenta, as in the picture.
+      const isNumber = red === red && green === green && blue === blue;
+      image.data[4 * at] = isNumber ? Math.round(255 * encode(Math.max(0, factor * red))) : 255;
+      image.data[4 * at + 1] = isNumber ? Math.round(255 * encode(Math.max(0, factor * green))) : 0;
+      image.data[4 * at + 2] = isNumber ? Math.round(255 * encode(Math.max(0, factor * blue))) : 255;
+    }
+    exposed.width = width;
+    exposed.height = height;
+    exposed.getContext("2d").putImageData(image, 0, 0);
+    exposed.hidden = false;
+  };
+  function expose() {
+    const isExposed = planes.some(({ picture }) => picture?.encoding);
+    for (const id of ["exposure", "normalize", "reset"]) by(id).disabled = !isExposed;
+    planes.forEach((frame) => exposeIn(frame).catch(() => {}));
+  }
+  const setStops = (value) => {
+    stops = Math.round(10 * Math.min(MOST_STOPS, Math.max(-MOST_STOPS, value))) / 10;
+    by("exposure").value = stops;
+    by("stops").textContent = `${stops > 0 ? "+" : ""}${stops.toFixed(1)} EV`;
+    expose();
+  };
+  // The exposure at which the greatest number of the first picture is about 1.
+  const normalize = async () => {
+    const { numbers } = await coloursOf(data.pictures[0]);
+    const most = numbers.reduce((most, number) => (Number.isFinite(number) && number > most ? number : most), 0);
+    if (most > 0) setStops(Math.floor(-10 * Math.log2(most)) / 10);
+  };
+  // Browsers hold no larger pictures in memory gladly.
+  by("exposing").hidden = data.pictures.length === 0 || width * height > 2 ** 24;
+  by("exposure").addEventListener("input", () => setStops(by("exposure").valueAsNumber));
+  by("normalize").addEventListener("click", normalize);
+  by("reset").addEventListener("click", () => setStops(0));
+
   const texts = data.explanations
     ? inflated(data.explanations.texts).then((buffer) => JSON.parse(new TextDecoder().decode(buffer)))
     : Promise.resolve([]);
@@ -340,8 +474,15 @@
       rows.push([layer.title, value]);
     }
     for (const picture of data.pictures) {
-      const colour = await colourOf(picture, x, y);
-      if (colour) rows.push([`${picture.name}, RGBA`, colour]);
+      const [floats, colour] = [await floatsOf(picture), await colourOf(picture, x, y)];
+      if (floats) {
+        const { channels } = picture.floats;
+        const first = channels * (y * width + x);
+        const values = Array.from(floats.subarray(first, first + channels), float).join(" ");
+        rows.push([`${picture.name}, float ${"RGBA".slice(0, channels)}`, values]);
+      }
+      // Under the mouse, floats say more.
+      if (colour) rows.push([`${picture.name}, RGBA`, colour, Boolean(floats)]);
     }
     return rows;
   };
@@ -355,9 +496,10 @@
     }
     const rows = await rowsOf(x, y);
     if (own !== under) return;
-    const isShown = ([name]) => !data.layers.some((layer) => layer.title === name && layer !== legendLayer);
+    const isShown = ([name, , isDetail]) =>
+      !isDetail && !data.layers.some((layer) => layer.title === name && layer !== legendLayer);
     const values = rows.filter(isShown).map(([name, value]) => `${name} ${value}`);
-    by("hover").textContent = [`${x},${y}`, ...values].join("  \u00b7  ");
+    by("hover").textContent = [idOf(x, y).join(","), ...values].join("  \u00b7  ");
   }
 
   let nearest = null;
@@ -368,9 +510,9 @@
     selected = [x, y];
     by("hint").hidden = true;
     const own = ++turn;
-    by("x").value = x;
-    by("y").value = y;
-    history.replaceState(null, "", `#${x},${y}`);
+    const id = idOf(x, y);
+    ["x", "y", "z"].forEach((axis, at) => { by(axis).value = id[at] ?? 0; });
+    history.replaceState(null, "", `#${id.join(",")}`);
     for (const { cursor } of planes) {
       cursor.hidden = false;
       cursor.style.left = `${(100 * x) / width}%`;
@@ -379,9 +521,9 @@
       cursor.style.height = `${100 / height}%`;
     }
     scrollTo(x, y, false);
-    by("pixel-title").textContent = `Pixel ${x},${y}`;
+    by("pixel-title").textContent = `${word[0].toUpperCase()}${word.slice(1)} ${id.join(",")}`;
     by("command").hidden = !data.command;
-    if (data.command) by("command-text").textContent = `${data.command[0]} --pixel ${x},${y}${data.command[1]}`;
+    if (data.command) by("command-text").textContent = data.command.join(id.join(","));
 
     const at = explained.get(`${x},${y}`);
     let text = null;
@@ -393,9 +535,9 @@
         status = "This browser cannot unpack the explanations; the command prints the same text.";
       }
     } else if (data.explanations) {
-      status = `This page explains ${data.explanations.which}. Run the command to explain this pixel.`;
+      status = `This page explains ${data.explanations.which}. ${data.command ? `Run the command to explain this ${word}.` : ""}`;
     } else if (data.command) {
-      status = "Run the command to explain this pixel.";
+      status = `Run the command to explain this ${word}.`;
     }
     const rows = await rowsOf(x, y);
     if (own !== turn) return;
@@ -407,7 +549,7 @@
     if (!by("nearest").hidden) {
       const far = ([a, b]) => (a - x) ** 2 + (b - y) ** 2;
       nearest = data.explanations.pixels.reduce((one, other) => (far(other) < far(one) ? other : one));
-      by("nearest").textContent = `Nearest explained pixel: ${nearest.join(",")}`;
+      by("nearest").textContent = `Nearest explained ${word}: ${idOf(...nearest).join(",")}`;
     }
     by("numbers").replaceChildren();
     for (const [name, value] of rows) {
@@ -417,11 +559,14 @@
     }
   }
 
-  by("x").max = width - 1;
-  by("y").max = height - 1;
+  // Invocations beyond a picture are not shown.
+  by("x").max = (stride === across ? width : across) - 1;
+  by("y").max = (stride === across && depth === 1 ? height : down) - 1;
+  by("z").max = depth - 1;
+  by("depth").hidden = depth === 1;
   by("go").addEventListener("submit", (event) => {
     event.preventDefault();
-    select(by("x").valueAsNumber, by("y").valueAsNumber);
+    select(...pixelOf(["x", "y", "z"].map((axis) => by(axis).valueAsNumber)));
   });
   by("copy").addEventListener("click", async () => {
     try {
@@ -439,13 +584,16 @@
   });
 
   const fromAddress = () => {
-    const found = /^#(\d+),(\d+)$/.exec(location.hash);
-    return found ? [Number(found[1]), Number(found[2])] : null;
+    const found = /^#(\d+),(\d+)(?:,(\d+))?$/.exec(location.hash);
+    return found ? pixelOf(found.slice(1).map((number) => Number(number ?? 0))) : null;
   };
   addEventListener("hashchange", () => {
     const pixel = fromAddress();
     if (pixel && String(pixel) !== String(selected)) select(...pixel);
   });
+  inputs[begin].checked = true;
+  show(shows[begin][1]);
+  setStops(0);
   const first = fromAddress() ?? data.selected;
   if (first) select(...first);
 })();

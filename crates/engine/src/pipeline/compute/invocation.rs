@@ -116,7 +116,7 @@ impl Compute {
         };
         let trapped = {
             let observer: &mut dyn Observer<W> = &mut one;
-            let mut observers = Observers::new(observer, &mut on_event).with_traversal();
+            let mut observers = Observers::new(observer, &mut on_event).with_traversal(true);
             let group = &mut std::iter::once(self.group(self.group_of(groups, id), groups));
             self.runner::<W>(&bindings, watch).run(group, &mut observers).1
         };

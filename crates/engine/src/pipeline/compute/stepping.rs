@@ -83,7 +83,7 @@ where
         }
         let limits = InvocationLimits { fuel: self.compute.fuel, subgroup_size: self.compute.subgroup_size };
         let (program, layout) = (&self.compute.program, self.compute.layout);
-        let mut observers = Observers::new(observer, on_event).with_traversal();
+        let mut observers = Observers::new(observer, on_event).with_traversal(true);
         let runner = match self.state.take() {
             Some(state) => {
                 WorkgroupRunner::resumed(program, limits, &self.bindings, layout, &self.watch, state)
