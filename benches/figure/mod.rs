@@ -10,6 +10,7 @@ pub type Drawn<T> = Result<T, Box<dyn std::error::Error>>;
 
 /// A shape that tells a series from others without its colour.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[allow(dead_code, reason = "each benchmark compiles this module and draws some of them")]
 pub enum MarkerShape {
     Circle,
     Square,

@@ -88,7 +88,7 @@ fn animated(animations: &[&str]) -> Vec<u8> {
 fn notes_of_a_file_at_several_times_have_one_order() {
     let (three, two) = (animated(&["walk", "run", "rest"]), animated(&["walk", "run"]));
     let files = [("b.gltf", &three[..]), ("a.gltf", &two[..])];
-    let mut models = vec![
+    let mut models = [
         ("b.gltf", "time = 1.5"),
         ("b.gltf", ""),
         ("a.gltf", ""),

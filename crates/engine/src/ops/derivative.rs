@@ -94,7 +94,7 @@ mod tests {
             with_operand.words.push(20);
             let end = with_operand.words.len() as u32;
             let instruction = Instruction {
-                opcode: opcode,
+                opcode,
                 offset: 0,
                 result_type: Some(Id(6)),
                 result: Some(Id(21)),

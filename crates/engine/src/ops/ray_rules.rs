@@ -61,7 +61,7 @@ pub fn describe_of_trace(broken: RayRule) -> String {
 
 /// The rule, where the specification has numbered it for this instruction.
 pub fn vuid(opcode: Opcode, broken: RayRule) -> Option<String> {
-    let rules = RULES.iter().find(|rules| rules.opcodes.iter().any(|&known| known == opcode))?;
+    let rules = RULES.iter().find(|rules| rules.opcodes.contains(&opcode))?;
     let number = Some(rules.numbers[broken as usize]).filter(|&number| number > 0)?;
     Some(format!("VUID-RuntimeSpirv-{}-{number:05}", rules.name))
 }

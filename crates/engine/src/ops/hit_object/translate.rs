@@ -375,7 +375,7 @@ mod tests {
             (Opcode::HitObjectTraceReorderExecuteEXT, REORDERING),
         ] {
             let instruction =
-                Instruction { opcode: opcode, offset: 0, result_type: None, result: None, operands: 0..0 };
+                Instruction { opcode, offset: 0, result_type: None, result: None, operands: 0..0 };
             for stage in [
                 Stage::RayGeneration,
                 Stage::Intersection,

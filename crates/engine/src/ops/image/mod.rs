@@ -274,7 +274,7 @@ mod tests {
         let module = a.loaded();
         for &opcode in IMPLICIT {
             let instruction = Instruction {
-                opcode: opcode,
+                opcode,
                 offset: 0,
                 result_type: Some(Id(1)),
                 result: Some(Id(2)),
