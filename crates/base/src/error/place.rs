@@ -45,6 +45,7 @@ pub struct SourceColumns {
 impl Place {
     /// Returns the name of the file and the line, from 1, of a place in a text; `None` for a word
     /// of a module and for a file as a whole.
+    #[doc(hidden)]
     #[must_use]
     pub fn file_line(&self) -> Option<(&str, u32)> {
         match self {

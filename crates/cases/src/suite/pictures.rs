@@ -44,7 +44,7 @@ pub(super) fn save_page(
     let scene = shell::word(&loaded.scene.path.to_string_lossy());
     // The scene of a variant does not know its name.
     let command = (is_launched && !is_variant)
-        .then(|| [format!("anyhit trace-one-ray {scene} --pixel "), String::new()]);
+        .then(|| [format!("anyhit trace-one-ray {scene}") + " --pixel ", String::new()]);
     let page = failed_picture(test, picture, session.as_ref(), command)?;
     let path = folder.join(inside(test)).join(inside(&picture.name)).join("page.html");
     atomic_file::write_unsynced(&path, page.html())?;
