@@ -34,7 +34,7 @@ impl ComputeTest {
     /// fn double(@builtin(global_invocation_id) id: vec3u) { numbers[id.x] *= 2.0; }";
     /// let test = ComputeTest::new(&Module::from_source("double.wgsl", DOUBLE)?, "double")?;
     /// let text = test.buffer(0, 0, &[1.0f32, 4.0]).explain([1, 0, 0])?;
-    /// assert!(text.contains("numbers[1]: 4 -> 8"), "{text}");
+    /// assert!(text.contains("float 4 -> 8"), "{text}");
     /// # Ok(())
     /// # }
     /// ```
@@ -52,8 +52,8 @@ impl ComputeTest {
         Ok(render::text(&transcript, RenderOptions { summary: true, last_lines, ..RenderOptions::default() }))
     }
 
-    /// The test as a scene that dispatches its shader on copies of what the test gives. The contents
-    /// of resources are in the assembled scene alone.
+    /// The test as a scene that dispatches its shader on copies of what the test gives. The
+    /// contents of resources are in the assembled scene alone.
     ///
     /// # Errors
     /// The mistakes of [`ComputeTest::run`] in what the test gives.

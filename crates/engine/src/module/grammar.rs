@@ -3,6 +3,7 @@
 //! An enumerant that the tables do not know may have parameters of its own, so the operands after
 //! it cannot be parsed: the rest of such an instruction is kept unread.
 
+use std::fmt;
 use std::ops::Range;
 use std::sync::LazyLock;
 
@@ -33,6 +34,33 @@ pub(crate) struct InstructionGrammar {
     /// Its operands, result type and result id included.
     pub(super) operands: &'static [LogicalOperand],
     fixed: FixedOperands,
+}
+
+impl Opcode {
+    /// The grammar of the operands, result type and result id included; none of an unknown opcode.
+    pub fn operands(self) -> &'static [LogicalOperand] {
+        InstructionGrammar::of(self).map_or(&[], |known| known.operands)
+    }
+
+    /// Whether the tables have the opcode.
+    pub fn is_known(self) -> bool {
+        InstructionGrammar::of(self).is_some()
+    }
+}
+
+impl fmt::Display for Opcode {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match InstructionGrammar::of(*self) {
+            Some(known) => write!(f, "Op{}", known.name),
+            None => write!(f, "opcode {}", self.0),
+        }
+    }
+}
+
+impl fmt::Debug for Opcode {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        fmt::Display::fmt(self, f)
+    }
 }
 
 /// The operands of an opcode, after its result, whose number of words is fixed: each takes one word

@@ -10,7 +10,7 @@ use crate::module::{Opcode, validate};
 /// SPIR-V itself, and for an unknown one.
 pub fn extensions_of(name: &str) -> &'static [&'static str] {
     let opcode = name.strip_prefix("Op").and_then(Opcode::by_name);
-    opcode.map_or(&[], Opcode::extensions)
+    opcode.map_or(&[], validate::extensions_of)
 }
 
 /// The name of a capability (`RayTracingKHR`), or `capability 1234`.

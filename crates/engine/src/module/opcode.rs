@@ -1,12 +1,7 @@
 //! Opcodes of SPIR-V: those of rspirv's tables, and newer ones.
 
-use std::fmt;
-
 use rspirv::grammar::{INSTRUCTION_TABLE, LogicalOperand, OperandKind, OperandQuantifier};
 use rspirv::spirv;
-
-use crate::module::grammar::InstructionGrammar;
-use crate::module::validate;
 
 /// The number of an instruction of SPIR-V, known or not.
 ///
@@ -60,42 +55,11 @@ impl Opcode {
     pub fn of_word(first: u32) -> Self {
         Self(first as u16)
     }
-
-    /// The extensions that specify the instruction; none of one of SPIR-V itself.
-    pub(crate) fn extensions(self) -> &'static [&'static str] {
-        let known = INSTRUCTION_TABLE.iter().find(|entry| self == entry.opcode.into());
-        known.map_or_else(|| validate::extensions_of_added(self), |entry| entry.extensions)
-    }
-
-    /// The grammar of the operands, result type and result id included; none of an unknown opcode.
-    pub fn operands(self) -> &'static [LogicalOperand] {
-        InstructionGrammar::of(self).map_or(&[], |known| known.operands)
-    }
-
-    /// Whether the tables have the opcode.
-    pub fn is_known(self) -> bool {
-        InstructionGrammar::of(self).is_some()
-    }
 }
 
 impl From<spirv::Op> for Opcode {
     fn from(op: spirv::Op) -> Self {
         Self(op as u16)
-    }
-}
-
-impl fmt::Display for Opcode {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match InstructionGrammar::of(*self) {
-            Some(known) => write!(f, "Op{}", known.name),
-            None => write!(f, "opcode {}", self.0),
-        }
-    }
-}
-
-impl fmt::Debug for Opcode {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        fmt::Display::fmt(self, f)
     }
 }
 

@@ -93,8 +93,12 @@ impl Requirement {
     }
 }
 
-/// The extensions of an instruction that rspirv lacks, which are those of its first capability.
-pub(crate) fn extensions_of_added(opcode: Opcode) -> &'static [&'static str] {
+/// The extensions that specify an instruction; none of one of SPIR-V itself. Those of an instruction
+/// that rspirv lacks are those of its first capability.
+pub(crate) fn extensions_of(opcode: Opcode) -> &'static [&'static str] {
+    if let Some(known) = INSTRUCTION_TABLE.iter().find(|known| opcode == known.opcode.into()) {
+        return known.extensions;
+    }
     let entry = OPCODES.iter().find(|entry| entry.number == u32::from(opcode.0));
     let capability = entry.and_then(|entry| entry.capabilities.first());
     let capabilities =

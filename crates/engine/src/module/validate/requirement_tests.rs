@@ -177,8 +177,7 @@ fn names_newer_than_rspirv_have_requirements() {
     a.op(Opcode::ConstantTrue, &[3, 9]);
     let mut abort = 0;
     a.function(30, 31, |a| {
-        abort = a.op(Opcode(5121), &[5, 8]);
-        a.op(Opcode::Return, &[]);
+        abort = a.op(Opcode::AbortKHR, &[5, 8]);
     });
     let all = findings(&a);
     let all: Vec<_> = all.iter().map(|one| (one.word, one.name.as_str(), one.fix.as_str())).collect();
