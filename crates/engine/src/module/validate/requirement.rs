@@ -93,8 +93,8 @@ impl Requirement {
     }
 }
 
-/// The extensions that specify an instruction; none of one of SPIR-V itself. Those of an instruction
-/// that rspirv lacks are those of its first capability.
+/// The extensions that specify an instruction; none of one of SPIR-V itself. Those of an
+/// instruction that rspirv lacks are those of its first capability.
 pub(crate) fn extensions_of(opcode: Opcode) -> &'static [&'static str] {
     if let Some(known) = INSTRUCTION_TABLE.iter().find(|known| opcode == known.opcode.into()) {
         return known.extensions;
