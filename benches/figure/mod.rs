@@ -1,4 +1,4 @@
-//! What the figures of the benchmarks share: markers, labels of powers of ten, recorded values.
+//! Drawing shared by the benchmark figures: markers, labels of powers of ten, recorded values.
 
 use std::path::Path;
 
@@ -8,7 +8,7 @@ use plotters::prelude::*;
 /// Results of drawing.
 pub type Drawn<T> = Result<T, Box<dyn std::error::Error>>;
 
-/// A shape that tells a series from others without its colour.
+/// Marker shape, which distinguishes series without colour.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[allow(dead_code, reason = "each benchmark compiles this module and draws some of them")]
 pub enum MarkerShape {
@@ -21,12 +21,12 @@ pub enum MarkerShape {
     Plus,
 }
 
-/// How the points of a series look.
+/// Appearance of the points of a series.
 #[derive(Clone, Copy, Debug)]
 pub struct Marker {
     pub shape: MarkerShape,
     pub colour: RGBColor,
-    /// Whether the shape is filled; an outline otherwise.
+    /// True if the shape is filled, false for an outline.
     pub is_filled: bool,
 }
 

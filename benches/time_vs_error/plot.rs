@@ -15,7 +15,7 @@ pub struct Point {
     pub nanoseconds: f64,
     /// p99 in ulp.
     pub p99: f64,
-    /// Whether some decisions are wrong.
+    /// True if some decisions are wrong.
     pub is_wrong: bool,
 }
 

@@ -1,7 +1,7 @@
 //! Compiles the GLSL and Slang of shaders/ into `OUT_DIR`, for the crate to include.
 //!
-//! Where no compiler is at hand that knows a source, the module in spirv/ is taken, which was
-//! compiled from the same text: its hash is compared, so that it cannot be stale. `UPDATE_SPIRV=1
+//! If no compiler for a source is installed, the build uses the module in spirv/. Its hash must match
+//! the source, so that it cannot be stale. `UPDATE_SPIRV=1
 //! cargo build --features glsl` writes both anew.
 
 use std::error::Error;

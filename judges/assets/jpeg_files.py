@@ -257,7 +257,7 @@ def generate(random):
     progressive = random.random() < 0.4
     factors = [(1, 1)] * count
     if model in (YCBCR, YCCK):
-        # How chroma is interpolated is open (T.81, A.1.1; T.871, 6). Decoders take the mean of neighbours
+        # The interpolation of chroma is open (T.81, A.1.1; T.871, 6). Decoders take the mean of neighbours
         # at 2 and the nearest at 4, but not all at 2 or 4 along both sides if one of them is a texel.
         both = [(2, 2), (2, 2), (4, 2), (2, 4)] * (min(width, height) > 1)
         luma = random.choice([(1, 1), (2, 1), (1, 2), (4, 1), (1, 4)] + both)

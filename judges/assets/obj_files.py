@@ -8,7 +8,7 @@ import numpy as np
 
 MISSING = -9.0
 NAMES = ["red", "Blue", "two words", "Material.001", "a-b_c", "für"]
-# What a file may have beyond the plain one, each in some of the files.
+# Features beyond a plain file, each in some of the files.
 FEATURES = [
     "Latin-1", "mark", "leading space", "trailing space", "tabs", "wide spaces", "exponents", "bare points",
     "continuation", "comment behind", "weight", "repeated corners", "one texture coordinate", "faces first",

@@ -208,7 +208,7 @@ test("exposure doubles the numbers of a float image, by keys and with the slider
   await page.fill("#x", "0");
   await page.fill("#y", "1");
   await page.click("#go button");
-  // Of row 1 the first pixel is (0, 1/4, 0): 64 of 255, and twice that is 128.
+  // The first pixel of row 1 is (0, 1/4, 0): 64 of 255, and twice that is 128.
   await page.waitForFunction(() => document.getElementById("pixel-title").textContent === "Invocation 0,1,0");
   await page.waitForFunction(() => document.getElementById("numbers").textContent.includes("0 0.25 0 1"));
   assert.equal((await rows(page))["picture, float RGBA"], "0 0.25 0 1");

@@ -46,7 +46,7 @@ fn logs_have_the_schema_of_sarif() {
     let wrong: Vec<String> =
         schema.iter_errors(&log).map(|error| format!("{}: {error}", error.instance_path())).collect();
     assert!(wrong.is_empty(), "{}:\n{}", wrong.len(), wrong.join("\n"));
-    // What a log must not be: the schema is one that rejects.
+    // The schema rejects an invalid log.
     let mut broken = log.clone();
     broken["runs"][0]["results"][0]["level"] = "fatal".into();
     assert!(!schema.is_valid(&broken));

@@ -14,7 +14,7 @@ __all__ = ["breakpoint"]
 
 _PROMPT = "(anyhit) "
 
-# What surrounds a prompt: pytest captures input and output otherwise.
+# Surrounds a prompt, as pytest captures input and output.
 _surroundings: list[Callable[[], ContextManager[None]]] = []
 
 

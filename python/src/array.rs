@@ -30,7 +30,7 @@ pub(crate) fn array_of<'py>(
         }
         return Ok(Some(array.clone()));
     }
-    // What is common and has none.
+    // Common types without an array.
     if given.is_instance_of::<PyList>() || given.is_instance_of::<PyTuple>() || given.is_none() {
         return Ok(None);
     }

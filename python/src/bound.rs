@@ -73,7 +73,7 @@ macro_rules! reads_what_is_bound {
                 crate::dtype::buffer_array(py, bytes, dtype, None)
             }
 
-            /// What lies at a device address by the names of its members, as the type of the first
+            /// The value at a device address by the names of its members, as the type of the first
             /// pointer that leads there.
             fn buffer_at<'py>(
                 &self,

@@ -1,4 +1,4 @@
-//! Which lines and branches of shaders ran.
+//! Coverage of lines and branches of shaders.
 
 use std::path::PathBuf;
 use std::sync::{Mutex, PoisonError};
@@ -38,7 +38,7 @@ impl Coverage {
         serde_json::to_string(&self.covered).map_err(|error| invalid(error.to_string()))
     }
 
-    /// By source file, how often each line ran: a dict of dicts.
+    /// Execution counts of lines: a dict by source file of dicts by line.
     #[getter]
     fn lines(&self) -> std::collections::BTreeMap<String, std::collections::BTreeMap<u32, u64>> {
         let of = |(name, file): (&String, &anyhit_cases::coverage::FileCoverage)| {
@@ -59,15 +59,7 @@ impl Coverage {
 
     /// Writes a file: an lcov tracefile, or XML of Cobertura where its name ends in `.xml`.
     fn write(&self, #[pyo3(from_py_with = argument::path)] path: PathBuf) -> PyResult<()> {
-        let is_xml = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("xml"));
-        let text = match is_xml {
-            true => {
-                let folder = std::env::current_dir().unwrap_or_default();
-                self.covered.cobertura(&folder.to_string_lossy())
-            }
-            false => self.covered.lcov(),
-        };
-        atomic_file::write(&path, text).map_err(raised)
+        atomic_file::write(&path, self.covered.text_for(&path)).map_err(raised)
     }
 
     fn __add__(&self, other: &Self) -> Self {
@@ -86,7 +78,7 @@ impl Coverage {
     }
 }
 
-/// What tests of single shaders have covered, while it is recorded.
+/// Coverage of the tests of single shaders, while it is recorded.
 static RECORDED: Mutex<Option<Covered>> = Mutex::new(None);
 
 /// Begins to record what tests of single shaders cover, of sources that are files.

@@ -83,7 +83,9 @@ fn details<'py>(py: Python<'py>, error: &Error) -> PyResult<Bound<'py, PyDict>> 
 /// File, line and column of a place; of a word of a module nothing.
 pub(crate) fn span(place: &Place) -> Option<(String, u32, u32)> {
     match (place, place.file_line()) {
-        (_, Some((file, line))) => Some((file.to_owned(), line, place.columns().map_or(0, |columns| columns.start))),
+        (_, Some((file, line))) => {
+            Some((file.to_owned(), line, place.columns().map_or(0, |columns| columns.start)))
+        }
         (Place::File(path), None) => Some((path.display().to_string(), 0, 0)),
         _ => None,
     }

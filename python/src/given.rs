@@ -29,7 +29,6 @@ macro_rules! binds_resources {
             /// it is a combined image sampler. `levels` are the arrays of its further mip levels,
             /// each of half the size.
             #[pyo3(signature = (set, binding=None, texels=None, format=None, sampler=None, *, levels=crate::argument::Objects::none()), text_signature = "($self, set, binding=None, texels=None, format=None, sampler=None, *, levels=())")]
-            #[expect(clippy::too_many_arguments, reason = "they are keywords in Python")]
             fn image(
                 &self,
                 set: &Bound<'_, PyAny>,

@@ -261,7 +261,7 @@ impl LoadedScene {
     }
 }
 
-/// What is explained: a pixel, or the ray with a name.
+/// Subject of an explanation: a pixel, or the ray with a name.
 pub(crate) struct PixelOrRay(ExplainRequest);
 
 impl Argument for PixelOrRay {

@@ -211,7 +211,7 @@ pub(crate) struct ModuleBinding {
 
 #[pymethods]
 impl ModuleBinding {
-    /// What `Module.bindings` returns.
+    /// Element of `Module.bindings`.
     #[new]
     #[pyo3(signature = (name, set, binding, r#type))]
     fn new(
@@ -245,7 +245,7 @@ pub(crate) struct EntryPoint {
 
 #[pymethods]
 impl EntryPoint {
-    /// What `Module.entry_points` returns.
+    /// Element of `Module.entry_points`.
     #[new]
     fn new(
         #[pyo3(from_py_with = argument::name)] name: String,

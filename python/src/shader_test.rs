@@ -40,7 +40,7 @@ pub(crate) struct ShaderTest {
 }
 
 thread_local! {
-    /// What a callback of the test that runs on this thread has raised, which `run` raises again.
+    /// Exception of a callback of this thread's running test, which `run` raises again.
     static RAISED: RefCell<Option<PyErr>> = const { RefCell::new(None) };
 }
 

@@ -110,7 +110,7 @@ pub(crate) struct Finished {
     reason: String,
     /// File and line of it, where they are known.
     place: Option<(String, u32)>,
-    /// What its shaders covered, where that was recorded.
+    /// Coverage of its shaders, if it was recorded.
     coverage: Option<Coverage>,
 }
 

@@ -35,7 +35,7 @@ def test_values_are_equal_hashed_shown_copied_and_pickled(make: Any) -> None:
     one, other = make(), make()
     assert one == other and hash(one) == hash(other) and {one, other} == {one}
     assert one != 1 and one != "a" and not one == None  # noqa: E711
-    # What is printed makes it again.
+    # `repr` evaluates to an equal value.
     assert eval(repr(one), vars(anyhit) | {"inf": float("inf")}) == one
     for again in [copy.copy(one), copy.deepcopy(one), *(pickle.loads(pickle.dumps(one, at)) for at in range(2, 6))]:
         assert again == one and type(again) is type(one)

@@ -199,7 +199,7 @@ class Calls:
         self.of[name] += 1
         try:
             result = function(*args, **keywords)
-            # What was accepted can be shown and compared.
+            # Accepted values can be shown and compared.
             repr(result)
             _ = result == result
         except (anyhit.Error, TypeError, ValueError, Raises):

@@ -1,13 +1,11 @@
 //! `anyhit check-math`: compares the elementary functions with their correctly rounded results.
 
 use serde_json::Value;
-use std::sync::OnceLock;
 
 use crate::cli::output;
 use crate::cli::share::ShareArgs;
 use anyhit_base::count::grouped;
 use anyhit_base::error::{Error, ErrorKind, Result};
-use anyhit_base::progress::Work;
 use anyhit_cases::shares::ShareResults;
 use anyhit_cases::shares::check_math::{CheckMathResult, CheckMathWhole};
 use anyhit_stress::check_math::float_width::FloatWidth;
@@ -90,11 +88,7 @@ pub(super) fn run(args: CheckMathArgs) -> Result<()> {
     form.print_heading()?;
     let mut result = CheckMathResult::default();
     for (place, (format, function)) in all.into_iter().enumerate().filter(|(place, _)| shard.holds(*place)) {
-        let work = OnceLock::new();
-        let report = check_math::run(function, format, &settings, |count, total| {
-            work.get_or_init(|| Work::counted(function.name, total)).advance(count);
-        });
-        drop(work);
+        let report = check_math::run(function, format, &settings);
         form.print_line(&report)?;
         result.functions.push((place, report));
     }

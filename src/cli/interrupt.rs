@@ -18,7 +18,7 @@ pub(super) fn prepare() {}
 #[cfg(not(unix))]
 pub(super) fn before_end(_: fn()) {}
 
-/// What removes the bar of progress, once there is one.
+/// Removes the progress bar, if one is shown.
 #[cfg(unix)]
 static CLEAR: std::sync::OnceLock<fn()> = std::sync::OnceLock::new();
 
@@ -60,7 +60,7 @@ fn wait_for_signals() {
 /// Removes the bar of progress, unless whoever draws it waits for a reader that has stopped.
 #[cfg(unix)]
 fn clear_progress() {
-    const PATIENCE: std::time::Duration = std::time::Duration::from_millis(200);
+    const PATIENCE: std::time::Duration = std::time::Duration::from_secs(2);
     let Some(&clear) = CLEAR.get() else { return };
     let (done, cleared) = std::sync::mpsc::channel();
     let remove = move || {

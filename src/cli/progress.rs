@@ -12,10 +12,10 @@ use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressState, P
 use crate::cli::interrupt;
 use anyhit_base::progress::{ProgressDisplay, set_display};
 
-/// How long the program runs before it shows what it does.
+/// Run time of the program before it shows progress.
 const PATIENCE: Duration = Duration::from_secs(1);
 
-/// How long work takes at least that is shown.
+/// Shortest work that is shown.
 const SHORTEST: Duration = Duration::from_millis(100);
 
 /// The time between two drawings.

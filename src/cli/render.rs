@@ -107,7 +107,7 @@ pub(super) fn run(args: RenderArgs) -> Result<()> {
     if args.look.is_requested() {
         return run_look(args).map_err(|error| output::json_error(json, error));
     }
-    args.look.check(None)?;
+    args.look.check(None, args.json)?;
     check_share(&args)?;
     if args.json && !args.stability.is_requested() {
         let message = "`--json` requires --heat, --shadow or --perturb";
@@ -288,11 +288,7 @@ fn run_look(args: RenderArgs) -> Result<()> {
         (args.stats, "`--stats`"),
         (args.share.is_requested(), "`--shard` or `--result`"),
     ])?;
-    if args.json && !look.prints() {
-        let message = "`--json` requires --heat: `--profile` and `--html` print no JSON";
-        return Err(Error::new(ErrorKind::InvalidArgument, message));
-    }
-    look.check(args.output.as_deref())?;
+    look.check(args.output.as_deref(), args.json)?;
     if let Some(kind) = args.output.as_deref().and_then(PictureKind::of) {
         kind.check()?;
     }

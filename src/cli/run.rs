@@ -150,13 +150,9 @@ fn checked_run(args: RunArgs) -> Result<()> {
 /// Refuses what cannot be combined with `--heat`, `--profile` and `--html`, before anything is
 /// read.
 fn check_look(args: &RunArgs) -> Result<()> {
-    args.look.check(args.output.as_deref())?;
+    args.look.check(args.output.as_deref(), args.json)?;
     if !args.look.is_requested() {
         return Ok(());
-    }
-    if args.json && !args.look.prints() {
-        let message = "`--json` requires --heat: `--profile` and `--html` print no JSON";
-        return Err(dump::invalid(message.to_owned()));
     }
     args.look.check_alone(&[
         (args.sanitize.is_requested(), "the sanitizer"),
@@ -168,10 +164,7 @@ fn check_look(args: &RunArgs) -> Result<()> {
 }
 
 /// Counts what a launch or dispatch costs, as `--heat`, `--profile` and `--html` ask for.
-fn run_look(args: &RunArgs, mut scene: ResolvedScene, is_scene: bool) -> Result<()> {
-    if let Some(memory) = args.memory.as_deref() {
-        scene.memory = memory_policy(memory);
-    }
+fn run_look(args: &RunArgs, scene: ResolvedScene, is_scene: bool) -> Result<()> {
     let mut flags = String::new();
     if let Some(precision) = args.precision {
         flags += &format!(" --precision {}", precision.name());
@@ -180,7 +173,10 @@ fn run_look(args: &RunArgs, mut scene: ResolvedScene, is_scene: bool) -> Result<
         flags += &format!(" --variant {}", shell::word(variant));
     }
     let context = RerunContext {
-        scene: if is_scene { LookedScene::File(&args.file) } else { LookedScene::Module },
+        scene: match is_scene && args.memory.is_none() {
+            true => LookedScene::File(&args.file),
+            false => LookedScene::Unnamed,
+        },
         flags: &flags,
         output: args.output.as_deref(),
         json: args.json,
@@ -197,14 +193,14 @@ fn memory_policy(name: &str) -> MemoryPolicy {
 fn run_scene(args: &RunArgs, mut scene: ResolvedScene, is_scene: bool, begin: Instant) -> Result<()> {
     output::notes(&scene.notes);
     args.limits.limits(LaunchLimits::default()).give(&mut scene);
+    if let Some(memory) = args.memory.as_deref() {
+        scene.memory = memory_policy(memory);
+    }
     if args.look.is_requested() {
         return run_look(args, scene, is_scene);
     }
     let mut assembled = anyhit_scene::assemble(&scene)?;
     output::notes(&assembled.notes);
-    if let Some(memory) = args.memory.as_deref() {
-        assembled.resources.policy = memory_policy(memory);
-    }
     if args.stability.is_requested() {
         return args.stability.run(&scene, &assembled, None, args.json, args.many_seeds.perturbed_runs());
     }

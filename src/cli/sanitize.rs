@@ -282,12 +282,16 @@ impl SanitizeArgs {
 
     /// Prints findings as text, or those of `data` in another format.
     fn print(&self, findings: &Findings, data: &Findings, scene: &Path) -> Result<()> {
-        let records = || SourceTree::of_repository().place(data.records(), scene);
+        let is_text = self.findings == FindingFormat::Text;
+        let records = match is_text && self.sarif.is_none() && self.findings_json.is_none() {
+            true => Vec::new(),
+            false => SourceTree::of_repository().place(data.records(), scene),
+        };
         if let Some(path) = &self.sarif {
-            output::write_data(path, &findings_sarif(&records()))?;
+            output::write_data(path, &findings_sarif(&records))?;
         }
         if let Some(path) = &self.findings_json {
-            write_json(path, &records())?;
+            write_json(path, &records)?;
         }
         match self.findings {
             FindingFormat::Text => {
@@ -296,7 +300,7 @@ impl SanitizeArgs {
                 }
                 Ok(())
             }
-            other => other.print_records(&records()),
+            other => other.print_records(&records),
         }
     }
 }

@@ -11,7 +11,7 @@ use anyhit_base::error::Result;
 /// The width that no terminal has.
 const UNLIMITED: usize = usize::MAX;
 
-/// Whether a command line that was answered with help asks for the short one.
+/// Returns true if a command line requests the short help.
 pub(super) fn is_asked(answer: &clap::Error, mut arguments: impl Iterator<Item = String>) -> bool {
     answer.kind() == ErrorKind::DisplayHelp && arguments.any(|argument| argument == "-h")
 }

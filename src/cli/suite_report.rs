@@ -62,7 +62,8 @@ impl SuiteFiles<'_> {
             unwritten.extend(write_json(path, &records_of(&result.findings())).err());
         }
         if let Some(path) = self.coverage {
-            unwritten.extend(atomic_file::write(path, coverage_text(result, path)).err());
+            let text = result.coverage.as_ref().map_or_else(String::new, |all| all.text_for(path));
+            unwritten.extend(output::write_data(path, &text).err());
         }
         if let Some(path) = self.summary {
             unwritten.extend(atomic_file::write(path, summary(result)).err());
@@ -71,18 +72,6 @@ impl SuiteFiles<'_> {
             unwritten.extend(atomic_file::write(path, result.timings().to_json()).err());
         }
         unwritten
-    }
-}
-
-/// The coverage of a suite in the format of a file.
-fn coverage_text(result: &SuiteResult, path: &Path) -> String {
-    let Some(coverage) = &result.coverage else { return String::new() };
-    match path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("xml")) {
-        true => {
-            let folder = std::env::current_dir().unwrap_or_default();
-            coverage.cobertura(&escape::path(&folder).to_string())
-        }
-        false => coverage.lcov(),
     }
 }
 

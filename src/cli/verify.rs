@@ -88,7 +88,6 @@ pub(super) fn run(args: VerifyArgs) -> Result<()> {
     let recordings = recordings(&args.paths).map_err(|error| output::json_error(args.json, error))?;
     let work = Work::counted("comparing recordings", recordings.len() as u64);
     for (path, named) in recordings {
-        work.advance(1);
         // Only what is named may be a pipe.
         let bytes = match named {
             true => read_argument(&path, InputLimit::FileBytes, &limits),
@@ -103,6 +102,7 @@ pub(super) fn run(args: VerifyArgs) -> Result<()> {
             }
             Err(error) => errors.push(error),
         }
+        work.advance(1);
     }
     drop(work);
     let failures: Vec<String> = files.iter().flat_map(|file| args.failures(file)).collect();

@@ -105,7 +105,9 @@ fn errors_are_counted_in_ulps_of_the_number_that_f64_gives() {
     // Pixel x writes (2^24 + x) - 2^24. From 2^24 to 2^25 floats are the even numbers: an odd x is
     // off by 1, which is 2^23 ulps of numbers from 1 to 2, 2^22 of those up to 4, and so on.
     let session = session(ROW, None);
-    let errors = texel_errors(session.scene(), session.assembled(), 0, [64, 1, 1]).expect("a run");
+    let single = session.assembled().single_pass(None).expect("a pass");
+    let (size, errors) = texel_errors(session.scene(), session.assembled(), &single).expect("a run");
+    assert_eq!(size, [64, 1, 1]);
     let exponent = |x: usize| usize::BITS - 1 - x.leading_zeros();
     let expected: Vec<f64> =
         (0..64).map(|x| if x % 2 == 0 { 0.0 } else { f64::from(1_u32 << (23 - exponent(x))) }).collect();

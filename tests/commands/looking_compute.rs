@@ -40,7 +40,9 @@ fn errors_of_a_dispatch_are_counted_in_ulps() {
     // Column x writes (2^24 + x) - 2^24 in red: as in shaders/pass/looking/half-subgroup, an odd x
     // is off by 1, which is 2^23 ulps of numbers from 1 to 2, 2^22 of those up to 4, and so on.
     let session = session(COMPUTE, None);
-    let errors = texel_errors(session.scene(), session.assembled(), 0, [16, 8, 1]).expect("a run");
+    let single = session.assembled().single_pass(None).expect("a pass");
+    let (size, errors) = texel_errors(session.scene(), session.assembled(), &single).expect("a run");
+    assert_eq!(size, [16, 8, 1]);
     let exponent = |x: usize| usize::BITS - 1 - x.leading_zeros();
     let expected = (0..16 * 8).map(|at| match (at % 16, at / 16) {
         (x @ 0..13, 0..6) if x % 2 == 1 => f64::from(1_u32 << (23 - exponent(x))),

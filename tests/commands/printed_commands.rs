@@ -2,13 +2,12 @@
 //! sources, with something in place of what a message fills in, and those that tests have printed.
 
 use std::fs;
-use std::path::Path;
-use std::process::Command;
 use std::sync::LazyLock;
 
 use clap::error::ErrorKind;
 
 use crate::support::files;
+use crate::support::program::anyhit;
 
 /// The words of a line as a POSIX shell takes them; `None` for quotes that do not end.
 fn shell_words(line: &str) -> Option<Vec<String>> {
@@ -123,28 +122,8 @@ fn the_commands_of_messages_can_be_typed() {
     assert!(mistakes.is_empty(), "{}", mistakes.join("\n"));
 }
 
-#[test]
-fn the_commands_that_tests_print_can_be_typed() {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let (mut count, mut mistakes) = (0, Vec::new());
-    for extension in ["stdout", "stderr"] {
-        for folder in ["tests", "shaders"] {
-            for path in files::with_extension(&root.join(folder), extension) {
-                let text = fs::read_to_string(&path).expect("a readable file");
-                for line in command_lines(&text) {
-                    count += 1;
-                    mistakes.extend(mistake(line).map(|why| format!("{}: {line}: {why}", path.display())));
-                }
-            }
-        }
-    }
-    assert!(count > 10, "only {count} commands were printed");
-    assert!(mistakes.is_empty(), "{}", mistakes.join("\n"));
-}
-
-/// The commands in a golden output that a program prints, with the flags of the hints behind them:
-/// `--all shows all`.
-fn hinted_commands() -> Vec<(String, String)> {
+/// Commands in the golden outputs, each with the name of its file.
+fn printed_commands() -> Vec<(String, String)> {
     let root = files::root();
     let mut found = Vec::new();
     for extension in ["stdout", "stderr", "findings"] {
@@ -152,34 +131,36 @@ fn hinted_commands() -> Vec<(String, String)> {
             for path in files::with_extension(&root.join(folder), extension) {
                 let text = fs::read_to_string(&path).expect("a readable file");
                 let name = path.strip_prefix(root).expect("a file of the repository").display().to_string();
-                for line in command_lines(&text) {
-                    // What names a command only, and what has no file to be run on, is no hint.
-                    if line.split_whitespace().count() > 2 {
-                        found.push((name.clone(), line.to_owned()));
-                    }
-                }
+                found.extend(command_lines(&text).into_iter().map(|line| (name.clone(), line.to_owned())));
             }
         }
     }
     found
 }
 
+#[test]
+fn the_commands_that_tests_print_can_be_typed() {
+    let commands = printed_commands();
+    assert!(commands.len() > 10, "only {} commands were printed", commands.len());
+    let mistakes =
+        commands.iter().filter_map(|(file, line)| Some(format!("{file}: {line}: {}", mistake(line)?)));
+    assert_eq!(mistakes.collect::<Vec<_>>().join("\n"), "");
+}
+
 /// Every command in a golden output works as printed: it ends as what it repeats does, and not with
 /// a mistake of its arguments or its files.
 #[test]
 fn the_commands_that_tests_print_work() {
-    let commands = hinted_commands();
+    // A line without arguments names a command.
+    let mut commands = printed_commands();
+    commands.retain(|(_, line)| line.split_whitespace().count() > 2);
     assert!(commands.len() > 30, "only {} commands", commands.len());
     let mut wrong = Vec::new();
     for (file, line) in &commands {
         let words = shell_words(line).expect("the words of a command");
-        let mut command = Command::new(env!("CARGO_BIN_EXE_anyhit"));
-        // Cases name fixtures beside their folders.
-        command.args(&words[1..]).current_dir(files::root());
-        let output = command.output().expect("the command starts");
-        let error = String::from_utf8_lossy(&output.stderr).into_owned();
-        if output.status.code().is_none_or(|code| code == 2) {
-            wrong.push(format!("{file}: {line}: {error}"));
+        let ran = anyhit(&words[1..].iter().map(String::as_str).collect::<Vec<_>>());
+        if !matches!(ran.code, Some(0 | 1 | 3..=6)) {
+            wrong.push(format!("{file}: {line}: {}", ran.err));
         }
     }
     assert!(wrong.is_empty(), "{} of {}:\n{}", wrong.len(), commands.len(), wrong.join("\n"));
@@ -190,11 +171,9 @@ fn the_commands_that_tests_print_work() {
 fn the_flags_of_hints_work() {
     const SAMPLES: &str = "shaders/pass/testing/samples/scene.toml";
     let explain = |flags: &[&str]| {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_anyhit"));
-        command.args(["trace-one-ray", SAMPLES]).args(flags).current_dir(files::root());
-        let output = command.output().expect("the command starts");
-        assert!(output.status.success(), "{flags:?}: {}", String::from_utf8_lossy(&output.stderr));
-        String::from_utf8(output.stdout).expect("UTF-8")
+        let ran = anyhit(&[&["trace-one-ray", SAMPLES], flags].concat());
+        assert_eq!(ran.code, Some(0), "{flags:?}: {}", ran.err);
+        ran.out
     };
     let text = explain(&[]);
     let hint = text.lines().find(|line| line.contains("shows the first of them")).expect("a hint");

@@ -11,6 +11,7 @@ use std::fmt::Write;
 use std::fs;
 use std::path::Path;
 
+use anyhit_engine::module::Opcode;
 use rspirv::{dr, grammar, spirv};
 use serde_json::Value;
 
@@ -34,6 +35,38 @@ fn the_table_is_what_rspirv_lacks_of_the_grammar() {
         fs::write(&path, &table).expect("a writable table");
     }
     assert!(fs::read_to_string(&path).expect("the table") == table, "BLESS=1 writes {TABLE} again");
+}
+
+/// The operands of instructions that rspirv lacks are written by hand.
+#[test]
+fn added_opcodes_have_the_operands_of_the_grammar() {
+    let Some(grammar) = std::env::var_os("ANYHIT_SPIRV_GRAMMAR") else {
+        return skipped(test_name!(), "ANYHIT_SPIRV_GRAMMAR names no registry");
+    };
+    let grammar = fs::read_to_string(grammar).expect("the grammar");
+    let grammar: Value = serde_json::from_str(&grammar).expect("JSON");
+    let mut count = 0;
+    for instruction in grammar["instructions"].as_array().expect("a list") {
+        let number = instruction["opcode"].as_u64().expect("a number");
+        if spirv::Op::from_u32(number as u32).is_some() {
+            continue;
+        }
+        let operands = instruction["operands"].as_array().into_iter().flatten();
+        let expected = operands.map(|one| {
+            let quantifier = match one["quantifier"].as_str() {
+                None => "One",
+                Some("?") => "ZeroOrOne",
+                Some(_) => "ZeroOrMore",
+            };
+            format!("{} {quantifier}", one["kind"].as_str().expect("a kind"))
+        });
+        let opcode = Opcode(number as u16);
+        let found = opcode.operands().iter().map(|one| format!("{:?} {:?}", one.kind, one.quantifier));
+        assert_eq!(opcode.to_string(), instruction["opname"].as_str().expect("a name"));
+        assert_eq!(found.collect::<Vec<_>>(), expected.collect::<Vec<_>>(), "{opcode}");
+        count += 1;
+    }
+    assert!(count > 10, "{count}");
 }
 
 /// What the grammar says of one name.

@@ -45,6 +45,15 @@ pub fn has_programs(test: &str, programs: &[&str]) -> bool {
     missing.is_empty()
 }
 
+/// Returns true if this process ignores a signal, and so do its children: a shell without job
+/// control ignores SIGINT for background commands. Only Linux reports it.
+pub fn is_ignored(signal: i32) -> bool {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    let mask = mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok());
+    mask.is_some_and(|mask| mask >> (signal - 1) & 1 == 1)
+}
+
 /// The value of an environment variable; where it is not set, `test` is skipped.
 pub fn variable(test: &str, name: &str) -> Option<String> {
     let value = std::env::var(name).ok().filter(|value| !value.is_empty());

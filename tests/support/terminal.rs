@@ -1,10 +1,9 @@
-//! The program in a pseudo-terminal, and what its screen shows.
+//! Runs the program in a pseudo-terminal and reads its screen.
 
 use std::fs::File;
 use std::io::{Read, Write};
 use std::num::NonZeroU16;
 use std::os::fd::OwnedFd;
-use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
@@ -15,10 +14,10 @@ use rustix::process::{Pid, Signal, kill_process};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{Winsize, tcsetwinsize};
 
-/// How long a text may take to appear.
+/// Time within which a text must appear.
 const PATIENCE: Duration = Duration::from_secs(120);
 
-/// A terminal of so many rows, which no test scrolls.
+/// Rows of the terminal, enough for every help page.
 const ROWS: u16 = 400;
 
 /// The program in a terminal.
@@ -26,7 +25,7 @@ pub struct Terminal {
     child: Child,
     keyboard: File,
     screen: Arc<Mutex<Screen>>,
-    reader: JoinHandle<()>,
+    reader: Option<JoinHandle<()>>,
 }
 
 struct Screen {
@@ -50,6 +49,8 @@ impl Terminal {
         let mut command = Command::new(env!("CARGO_BIN_EXE_anyhit"));
         command.args(arguments).current_dir(env!("CARGO_MANIFEST_DIR"));
         command.env("TERM", "xterm-256color").env("HOME", env!("CARGO_TARGET_TMPDIR"));
+        // On one thread work takes seconds on machines of many cores, too.
+        command.env("RAYON_NUM_THREADS", "1");
         for variable in ["NO_COLOR", "CLICOLOR", "CLICOLOR_FORCE", "COLUMNS", "XDG_STATE_HOME"] {
             command.env_remove(variable);
         }
@@ -70,7 +71,7 @@ impl Terminal {
                 screen.printed.extend_from_slice(&bytes[..count]);
             }
         });
-        Self { child, keyboard: File::from(master), screen, reader }
+        Self { child, keyboard: File::from(master), screen, reader: Some(reader) }
     }
 
     /// Types a text.
@@ -92,11 +93,13 @@ impl Terminal {
     pub fn wait_until(&self, what: &str, holds: &dyn Fn(&[String]) -> bool) -> Vec<String> {
         let begin = Instant::now();
         loop {
+            let has_ended = self.reader.as_ref().is_none_or(JoinHandle::is_finished);
             let lines = self.lines();
             if holds(&lines) {
                 return lines;
             }
-            assert!(begin.elapsed() < PATIENCE, "not on the screen: {what}\n{}", lines.join("\n"));
+            let waits = !has_ended && begin.elapsed() < PATIENCE;
+            assert!(waits, "not on the screen: {what}\n{}", lines.join("\n"));
             std::thread::sleep(Duration::from_millis(5));
         }
     }
@@ -111,9 +114,17 @@ impl Terminal {
     /// that was printed, with the control sequences.
     pub fn finish(mut self) -> (Option<i32>, Vec<String>, String) {
         let status = self.child.wait().expect("the program ends");
-        self.reader.join().expect("the terminal is read");
+        let reader = self.reader.take().expect("a reader until the end");
+        reader.join().expect("the terminal is read");
         let screen = self.screen.lock().expect("a screen");
         (status.code(), lines(&screen), String::from_utf8_lossy(&screen.printed).into_owned())
+    }
+}
+
+impl Drop for Terminal {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
     }
 }
 
@@ -125,9 +136,4 @@ fn lines(screen: &Screen) -> Vec<String> {
 /// Runs the program in a terminal to its end.
 pub fn run(arguments: &[&str], columns: u16) -> (Option<i32>, Vec<String>, String) {
     Terminal::start(arguments, columns).finish()
-}
-
-/// A path as an argument.
-pub fn argument(path: &Path) -> &str {
-    path.to_str().expect("UTF-8")
 }

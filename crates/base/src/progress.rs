@@ -15,7 +15,7 @@ pub trait ProgressDisplay: Sync {
 
 static DISPLAY: OnceLock<&'static dyn ProgressDisplay> = OnceLock::new();
 
-/// How much work is under way: what is a part of other work is not shown.
+/// Number of live [`Work`] values. Nested work is not shown.
 static DEPTH: AtomicUsize = AtomicUsize::new(0);
 
 /// Has all work from now on shown; the first display of a process stays.
@@ -43,15 +43,20 @@ impl Work {
 
     fn begin(what: &str, steps: Option<u64>) -> Self {
         let is_shown = DEPTH.fetch_add(1, Ordering::Relaxed) == 0;
-        if let (true, Some(display)) = (is_shown, DISPLAY.get()) {
+        let work = Self { is_shown };
+        if let Some(display) = work.display() {
             display.begin(what, steps);
         }
-        Self { is_shown }
+        work
+    }
+
+    fn display(&self) -> Option<&'static dyn ProgressDisplay> {
+        DISPLAY.get().copied().filter(|_| self.is_shown)
     }
 
     /// Says that steps are done. Any thread may call it.
     pub fn advance(&self, steps: u64) {
-        if let (true, Some(display)) = (self.is_shown, DISPLAY.get()) {
+        if let Some(display) = self.display() {
             display.advance(steps);
         }
     }
@@ -59,7 +64,7 @@ impl Work {
 
 impl Drop for Work {
     fn drop(&mut self) {
-        if let (true, Some(display)) = (self.is_shown, DISPLAY.get()) {
+        if let Some(display) = self.display() {
             display.end();
         }
         DEPTH.fetch_sub(1, Ordering::Relaxed);

@@ -1,14 +1,13 @@
 //! The files that a scene's shaders come from.
 
-use std::path::{Component, Path, PathBuf};
-
 use anyhit_base::escape;
 use anyhit_engine::machine::ShaderIndex;
 use anyhit_explain::names::Names;
+use anyhit_scene::files::normalise;
 use anyhit_scene::{Assembled, ResolvedScene};
 
-/// By shader, in the order of [`Assembled::programs`]: the file of its module or source, or its
-/// stage and entry point where the scene names none.
+/// Returns the file of each shader, in the order of [`Assembled::programs`]: its module or source,
+/// or its stage and entry point if the scene names no file.
 pub(crate) fn module_files(scene: &ResolvedScene, assembled: &Assembled) -> Vec<String> {
     let pipelines = assembled.all_pipelines().flat_map(|(index, pipeline)| {
         let names = Names::new(scene, index, pipeline);
@@ -19,29 +18,16 @@ pub(crate) fn module_files(scene: &ResolvedScene, assembled: &Assembled) -> Vec<
         scene.dispatches.iter().map(|entry| Some(scene.shaders[entry.shader.module].path.clone()));
     let paths = pipelines.chain(dispatched).zip(assembled.programs());
     let shown = paths.map(|(path, program)| match path {
-        Some(path) => escape::path(&without_detours(&path)).to_string(),
+        Some(path) => escape::path(&normalise(&path)).to_string(),
         None => format!("{} `{}`", program.stage.name(), program.name),
     });
     shown.collect()
 }
 
-/// A path without the names that the `..` after them leave again.
-fn without_detours(path: &Path) -> PathBuf {
-    let mut plain = PathBuf::new();
-    for part in path.components() {
-        match (part, plain.components().next_back()) {
-            (Component::CurDir, _) => {}
-            (Component::ParentDir, Some(Component::Normal(_))) => {
-                plain.pop();
-            }
-            (part, _) => plain.push(part),
-        }
-    }
-    plain
-}
-
 #[cfg(test)]
 mod tests {
+    use std::path::Path;
+
     use super::*;
 
     #[test]
@@ -52,7 +38,7 @@ mod tests {
             ("a/../../b.spv", "../b.spv"),
             ("/a/../b.spv", "/b.spv"),
         ] {
-            assert_eq!(without_detours(Path::new(path)), Path::new(straight), "{path}");
+            assert_eq!(normalise(Path::new(path)), Path::new(straight), "{path}");
         }
     }
 }

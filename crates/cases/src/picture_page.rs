@@ -8,13 +8,13 @@ use crate::drawing::page::{
 use crate::expect::PictureDifference;
 use crate::observe::fresh_resources;
 use crate::pixel_cost::{Heat, HeatMeasure, InvocationPlane, worst_pixels};
+use anyhit_base::count::grouped;
 use anyhit_base::error::Result;
 use anyhit_base::progress::Work;
 use anyhit_base::threads::{map_on_threads, thread_count};
 use anyhit_debugger::line_recorder::FollowedRuns;
 use anyhit_debugger::source_text::source_text;
 use anyhit_debugger::{ExplainRequest, Session};
-use anyhit_engine::machine::format::Component;
 use anyhit_explain::render::{self, RenderOptions};
 use anyhit_scene::Files;
 use anyhit_scene::frame::SinglePass;
@@ -56,7 +56,7 @@ impl ChosenPixels {
                 pixels.push(pixel);
             }
         }
-        let (all, explained) = (number(count as f64), pixels.len());
+        let (all, explained) = (grouped(count), pixels.len());
         let which = format!(
             "{explained} of {all} {word}s: every {step}th of every {step}th row, the requested ones and \
              the worst"
@@ -109,8 +109,9 @@ pub fn explain(
     let explained = map_on_threads(shares.len(), |at| {
         let session = session.copied();
         let explained = shares[at].iter().filter_map(|&pixel| {
+            let text = text(&session, pixel);
             work.advance(1);
-            text(&session, pixel)
+            text
         });
         explained.collect::<Vec<_>>()
     });
@@ -154,7 +155,7 @@ pub fn heat_layer(heat: &Heat, top: Option<f64>) -> Result<PageLayer> {
 /// The picture of a page for an image and the pixels that an encoding makes of it.
 ///
 /// # Errors
-/// Of encoding the picture.
+/// Errors of the PNG encoder.
 pub fn page_picture(
     name: &str,
     pixels: &Rgba8,
@@ -172,15 +173,9 @@ fn number_encoding(image: &Picture, encoding: PixelEncoding) -> NumberEncoding {
     }
 }
 
-/// Whether the texels are floats.
-pub fn is_float(image: &Picture) -> bool {
-    use Component::{Float11B10, Float16, Float32, SharedExponent};
-    matches!(image.format.component, Float16 | Float32 | Float11B10 | SharedExponent)
-}
-
 /// Adds the numbers of an image of floats to its picture.
 fn with_floats(picture: PagePicture, image: Option<&Picture>) -> PagePicture {
-    let Some(image) = image.filter(|image| is_float(image)) else { return picture };
+    let Some(image) = image.filter(|image| image.format.is_float()) else { return picture };
     let channels = image.format.channels;
     let numbers = image.numbers();
     let texels = numbers.chunks_exact(4).flat_map(|texel| &texel[..usize::from(channels)]);
@@ -218,8 +213,8 @@ pub fn comparison(compared: &PictureDifference) -> Result<(Vec<PagePicture>, Pag
         palette: Palette::Magnitude,
     };
     let mut layer = PageLayer::new("difference", "greatest difference in a channel, out of 255", &map)?;
-    let all = number(distances.len() as f64);
-    layer.facts = vec![format!("{} of {all} pixels differ, by at most {most}", number(count as f64))];
+    let all = grouped(distances.len());
+    layer.facts = vec![format!("{} of {all} pixels differ, by at most {most}", grouped(count))];
     (layer.worst, layer.ties) = (worst, ties);
     Ok((pictures, layer))
 }

@@ -6,8 +6,7 @@ use crate::{shell, summary};
 use anyhit_base::error::{Error, ErrorReport, Result};
 use anyhit_base::escape;
 use anyhit_engine::machine::Resources;
-use anyhit_engine::math::array;
-use anyhit_engine::pipeline::{Event, Pipeline, RunOptions, RunPart};
+use anyhit_engine::pipeline::{Event, RunPart};
 use anyhit_explain::names::Names;
 use anyhit_explain::reader::EventReader;
 use anyhit_explain::transcript::{DispatchIndex, MemoryChange, Transcript, VERSION};
@@ -22,9 +21,7 @@ impl Session {
     pub(super) fn invocation(&self, request: &ExplainRequest) -> Result<Option<(usize, [u32; 3])>> {
         let middle = |number: usize| {
             let dispatch = self.assembled.dispatches.get(number)?;
-            let size = dispatch.compute.workgroup_size();
-            let middle = |axis: usize| dispatch.given_groups[axis].saturating_mul(size[axis]) / 2;
-            Some((number, array::from_fn(middle)))
+            Some((number, dispatch.invocations(dispatch.given_groups).map(|side| side / 2)))
         };
         Ok(match request {
             ExplainRequest::Invocation { dispatch, id } => Some((*dispatch, *id)),
@@ -79,9 +76,7 @@ impl Session {
     pub(super) fn run_before_dispatch(&self, number: usize) -> Result<&Pass> {
         self.dispatch(number)?;
         let (at, pass) = self.pass_of(number);
-        for before in &self.assembled.passes[..at] {
-            self.assembled.run_pass(before, &self.assembled.resources, RunOptions::default())?;
-        }
+        self.assembled.run_before(at, &self.assembled.resources)?;
         Ok(pass)
     }
 
@@ -95,9 +90,7 @@ impl Session {
     ) -> Result<(Transcript, Option<Error>)> {
         let dispatch = self.dispatch(number)?;
         let (at, pass) = self.pass_of(number);
-        let mut builder = Pipeline::builder();
-        builder.shader(dispatch.compute.program.clone());
-        let pipeline = builder.build()?;
+        let pipeline = dispatch.compute.as_pipeline()?;
         let resources = self.assembled.pass_resources(pass, all);
         let groups = dispatch.groups(&resources);
         // What was printed before is not the invocation's.

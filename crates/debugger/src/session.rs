@@ -16,7 +16,7 @@ use anyhit_explain::names::Names;
 use anyhit_explain::reader::EventReader;
 use anyhit_explain::transcript::{LaunchIndex, RunCounts, Transcript, VERSION};
 use anyhit_scene::file::{GivenRay, RayEntry};
-use anyhit_scene::frame::{SingleLaunch, SinglePass};
+use anyhit_scene::frame::SingleLaunch;
 use anyhit_scene::{Assembled, ResolvedScene, assemble};
 
 /// The ray or invocation to explain.
@@ -92,7 +92,8 @@ impl Session {
     /// # Errors
     /// As [`assemble()`].
     pub fn new(scene: ResolvedScene) -> Result<Self> {
-        Ok(Self::of_assembled(scene.clone(), assemble(&scene)?))
+        let assembled = assemble(&scene)?;
+        Ok(Self::of_assembled(scene, assembled))
     }
 
     /// A session of a scene that is assembled already.
@@ -145,10 +146,8 @@ impl Session {
     /// # Errors
     /// As [`Session::run`].
     pub fn beginning(&self, pass: Option<&str>, resources: Resources) -> Result<PassBeginning> {
-        match self.assembled.single_pass(pass)? {
-            SinglePass::Launch(launch) => launch.run_before(&resources)?,
-            SinglePass::Dispatch(dispatch) => self.assembled.run_before(dispatch.number, &resources)?,
-        }
+        let number = self.assembled.single_pass(pass)?.number();
+        self.assembled.run_before(number, &resources)?;
         let written = self.assembled.written_memory(&resources);
         let snapshot = Snapshot::take(&self.scene, &written, &resources);
         Ok(PassBeginning { resources, written, snapshot })

@@ -229,8 +229,8 @@ impl Files for EmbeddedFiles<'_> {
     }
 }
 
-/// Normalises `a/./b/../c` to `a/c`. That is correct for embedded files, which have no links.
-fn normalise(path: &Path) -> PathBuf {
+/// Normalises `a/./b/../c` to `a/c`, without regard to symbolic links.
+pub fn normalise(path: &Path) -> PathBuf {
     let mut parts: Vec<Component<'_>> = Vec::new();
     for part in path.components() {
         match part {

@@ -323,7 +323,7 @@ pub enum SinglePass<'a> {
 /// A dispatch of a scene that is looked at.
 #[derive(Clone, Copy, Debug)]
 pub struct SingleDispatch<'a> {
-    /// How many passes run before it: its own number.
+    /// Index of the pass in the scene.
     pub number: usize,
     /// The pass.
     pub pass: &'a Pass,
@@ -334,7 +334,7 @@ pub struct SingleDispatch<'a> {
 }
 
 impl SinglePass<'_> {
-    /// How many passes run before it: its own number.
+    /// Index of the pass in the scene.
     pub fn number(&self) -> usize {
         match self {
             Self::Launch(launch) => launch.number,
@@ -347,6 +347,17 @@ impl SinglePass<'_> {
         match self {
             Self::Launch(_) => None,
             Self::Dispatch(SingleDispatch { dispatch, .. }) => Some(dispatch.compute.workgroup_size()),
+        }
+    }
+
+    /// Number of invocations along x, y and z, in the resources as a frame holds them.
+    pub fn size_in(&self, assembled: &Assembled, resources: &Resources) -> [u32; 3] {
+        match self {
+            Self::Launch(launch) => launch.size_in(&launch.resources(resources)),
+            Self::Dispatch(SingleDispatch { pass, dispatch, .. }) => {
+                let resources = assembled.pass_resources(pass, resources);
+                dispatch.invocations(dispatch.groups(&resources))
+            }
         }
     }
 
@@ -363,7 +374,7 @@ impl SinglePass<'_> {
 #[derive(Clone, Debug)]
 pub struct SingleLaunch<'a> {
     assembled: &'a Assembled,
-    /// How many passes run before it: its own number.
+    /// Index of the pass in the scene.
     pub number: usize,
     /// The pass.
     pub pass: Cow<'a, Pass>,

@@ -60,7 +60,7 @@ pub struct ComputeTest {
     pub(crate) compute: Compute,
     pub(crate) groups: [u32; 3],
     pub(crate) given: Given,
-    /// Whether the test sets `SubgroupSize`, so that no other one is drawn.
+    /// True if the test sets `SubgroupSize`: no other size is drawn.
     #[cfg(feature = "debugger")]
     pub(crate) sets_subgroup_size: bool,
 }

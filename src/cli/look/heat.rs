@@ -2,6 +2,7 @@
 
 use serde_json::{Value, json};
 
+use anyhit_base::count::grouped;
 use anyhit_base::sorted::json_object;
 use anyhit_cases::drawing::heat_map::number;
 use anyhit_cases::picture_page::{WORST, heat_facts};
@@ -38,7 +39,7 @@ pub(super) fn format_heat(heat: &Heat, plane: &InvocationPlane, command: Option<
         text += &format!("  {value:>width$}  {place}\n");
     }
     if ties > 0 {
-        text += &format!("  {} more {word}s have the same number as the last one\n", number(ties as f64));
+        text += &format!("  {} more {word}s have the same number as the last one\n", grouped(ties));
     }
     text
 }

@@ -26,7 +26,7 @@ use anyhit_scene::frame::SinglePass;
 use anyhit_scene::image::{PictureKind, PixelEncoding, write_picture};
 use anyhit_scene::{Assembled, ResolvedScene};
 
-/// Where the cost of a launch or dispatch is.
+/// Options for heat maps, profiles and pages.
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Heat maps, profiles and pages")]
 pub(super) struct LookArgs {
@@ -60,7 +60,7 @@ pub(super) struct LookArgs {
     pass: Option<String>,
 }
 
-/// What the command line says beside [`LookArgs`].
+/// Options of the command besides [`LookArgs`].
 #[derive(Clone, Copy, Debug)]
 pub(super) struct RerunContext<'a> {
     /// The scene that is measured.
@@ -75,15 +75,15 @@ pub(super) struct RerunContext<'a> {
     pub keep_alpha: bool,
 }
 
-/// What is measured, as commands that explain it name it.
+/// The measured scene, as commands that explain it name it.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum LookedScene<'a> {
     /// The built-in demo.
     Demo,
     /// A scene file.
     File(&'a Path),
-    /// A module without a scene, which no command explains.
-    Module,
+    /// A run that no command explains: a module without a scene, or one with another memory policy.
+    Unnamed,
 }
 
 /// A command that explains an invocation: what is before and behind its ID.
@@ -98,21 +98,19 @@ struct Subject<'a> {
 }
 
 impl LookArgs {
-    /// Whether anything is to be looked at.
+    /// Returns true if one of the outputs is requested.
     pub(super) fn is_requested(&self) -> bool {
         self.heat.is_some() || self.profile.is_some() || self.html.is_some()
-    }
-
-    /// Whether `--json` has something to print.
-    pub(super) fn prints(&self) -> bool {
-        self.heat.is_some()
     }
 
     /// Refuses what cannot be written, before anything is computed.
     ///
     /// # Errors
     /// `InvalidArgument`, and `UnsupportedTool` for what this build lacks.
-    pub(super) fn check(&self, output: Option<&Path>) -> Result<()> {
+    pub(super) fn check(&self, output: Option<&Path>, json: bool) -> Result<()> {
+        if json && self.is_requested() && self.heat.is_none() {
+            return Err(invalid("`--json` requires --heat: `--profile` and `--html` print no JSON"));
+        }
         if self.pass.is_some() && !self.is_requested() {
             return Err(invalid("`--pass` requires --heat, --profile or --html"));
         }
@@ -166,7 +164,7 @@ impl LookArgs {
         let command = self.command(&single, context);
         let subject = Subject { session: &session, single, context, command };
         let run = deep_copy(session.assembled());
-        // What depends on rounding is run for itself.
+        // Rounding errors need a run of their own.
         let only_ulps = self.heat == Some(HeatMeasure::Ulps) && self.profile.is_none() && self.html.is_none();
         let cost = match only_ulps {
             true => None,
@@ -209,20 +207,19 @@ impl LookArgs {
         cost: Option<&LaunchCost>,
     ) -> Result<(InvocationPlane, Option<Heat>)> {
         let (session, single) = (subject.session, &subject.single);
-        let plane = match cost {
-            Some(cost) => cost.plane(),
-            None => InvocationPlane::of(single.size(), single.workgroup_size()),
-        };
-        let heat = match (self.heat, cost) {
-            (None, _) => None,
-            (Some(measure), Some(cost)) if measure != HeatMeasure::Ulps => Some(cost.heat(measure, &plane)?),
-            (Some(measure), _) => {
-                let (scene, assembled) = (session.scene(), session.assembled());
-                let errors = texel_errors(scene, assembled, single.number(), plane.size)?;
-                Some(Heat::new(measure, &plane, &errors))
+        let plane_of = |size| InvocationPlane::of(size, single.workgroup_size());
+        let plane = cost.map_or_else(|| plane_of(single.size()), |cost| cost.plane);
+        match (self.heat, cost) {
+            (None, _) => Ok((plane, None)),
+            (Some(measure), Some(cost)) if measure != HeatMeasure::Ulps => {
+                Ok((plane, Some(cost.heat(measure, &plane)?)))
             }
-        };
-        Ok((plane, heat))
+            (Some(measure), _) => {
+                let (size, errors) = texel_errors(session.scene(), session.assembled(), single)?;
+                let plane = plane_of(size);
+                Ok((plane, Some(Heat::new(measure, &plane, &errors))))
+            }
+        }
     }
 
     fn write_heat(&self, file: &Path, heat: &Heat, plane: &InvocationPlane) -> Result<()> {
@@ -236,7 +233,7 @@ impl LookArgs {
         let scene = match context.scene {
             LookedScene::Demo => String::new(),
             LookedScene::File(path) => format!(" {}", shell::word(&path.to_string_lossy())),
-            LookedScene::Module => return None,
+            LookedScene::Unnamed => return None,
         };
         let flag = match single {
             SinglePass::Launch(_) => "--pixel",

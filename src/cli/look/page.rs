@@ -9,7 +9,7 @@ use anyhit_base::threads::map_on_threads;
 use anyhit_cases::drawing::page::{HtmlPage, PageExplanations, PageLayer};
 use anyhit_cases::expect::PictureDifference;
 use anyhit_cases::picture_page::{
-    ChosenPixels, comparison, explain, heat_layer, is_float, page_invocations, page_picture,
+    ChosenPixels, comparison, explain, heat_layer, page_invocations, page_picture,
 };
 use anyhit_cases::pixel_cost::{Heat, HeatMeasure, InvocationPlane, LaunchCost, PlaneKind};
 use anyhit_scene::image::{Picture, PixelEncoding, Rgba8};
@@ -40,20 +40,21 @@ impl LookArgs {
         heat: Option<&Heat>,
     ) -> Result<HtmlPage> {
         let session = subject.session;
-        let image = shown_image(subject, run, &cost.plane());
-        let plane = image.as_ref().map_or_else(|_| cost.plane(), |image| image.plane);
+        let image = shown_image(subject, run, &cost.plane);
+        let plane = image.as_ref().map_or_else(|_| cost.plane, |image| image.plane);
         let mut layers = self.layers(cost, heat, &plane)?;
         let mut pictures = Vec::new();
         let mut wanted: Vec<[u32; 2]> =
             self.explain.iter().map(|text| explained_pixel(text, &plane)).collect::<Result<_>>()?;
         match &image {
             Ok(image) => {
-                pictures.push(page_picture(image.name, &image.pixels, &image.picture, image.encoding)?);
                 if let Some(compared) = self.compared(session.scene(), image)? {
                     let (compared, layer) = comparison(&compared)?;
                     pictures = compared;
                     wanted.extend(layer.worst.iter().map(|(pixel, _)| *pixel));
                     layers.push(layer);
+                } else {
+                    pictures.push(page_picture(image.name, &image.pixels, &image.picture, image.encoding)?);
                 }
             }
             Err(why) if self.compare.is_some() => return Err(why.clone()),
@@ -157,7 +158,7 @@ impl LookArgs {
             }
         }
         // Numbers become pixels as those of the image do; a file of pixels has them.
-        let encoding = match is_float(&expected) {
+        let encoding = match expected.format.is_float() {
             true => image.encoding,
             false => PixelEncoding::STORED,
         };

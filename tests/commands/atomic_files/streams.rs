@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use super::{Workplace, anyhit, names, told};
 #[cfg(feature = "wgsl")]
-use crate::support::skipped::{skipped, test_name};
+use crate::support::skipped::{is_ignored, skipped, test_name};
 
 #[cfg(target_os = "linux")]
 #[test]
@@ -133,14 +133,4 @@ fn a_signal_that_ends_a_rendering_leaves_no_temporary_file() {
         assert_eq!(names(folder.path()), expected, "{name}");
         assert_eq!(fs::read(folder.path().join("out.png")).expect("a file"), b"the old one");
     }
-}
-
-/// Whether this process ignores a signal, and so do those that it starts: a shell without job
-/// control has it so for what runs in the background. Linux tells.
-#[cfg(feature = "wgsl")]
-fn is_ignored(signal: i32) -> bool {
-    let status = fs::read_to_string("/proc/self/status").unwrap_or_default();
-    let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
-    let mask = mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok());
-    mask.is_some_and(|mask| mask >> (signal - 1) & 1 == 1)
 }

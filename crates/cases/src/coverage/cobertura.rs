@@ -6,7 +6,7 @@ use crate::coverage::{Coverage, FileCoverage, sum};
 use anyhit_base::escape;
 use anyhit_base::sorted::SortedMap;
 
-/// How many are covered, of how many.
+/// Covered count and total count.
 type Part = [usize; 2];
 
 impl Coverage {

@@ -11,8 +11,11 @@ mod lcov;
 mod rays;
 mod recorder;
 
+use std::path::Path;
+
 use serde::{Deserialize, Serialize};
 
+use anyhit_base::escape;
 use anyhit_base::sorted::{SortedMap, SortedSet};
 
 pub use rays::{RayCounts, Use};
@@ -102,5 +105,17 @@ impl Coverage {
     /// Lines that ran, and all; ways of branches that were taken, and all.
     pub fn totals(&self) -> [[usize; 2]; 2] {
         sum(self.files.values())
+    }
+
+    /// Returns the text of a file: XML of Cobertura where its name ends in `.xml`, else an lcov
+    /// tracefile.
+    pub fn text_for(&self, path: &Path) -> String {
+        match path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("xml")) {
+            true => {
+                let folder = std::env::current_dir().unwrap_or_default();
+                self.cobertura(&escape::path(&folder).to_string())
+            }
+            false => self.lcov(),
+        }
     }
 }

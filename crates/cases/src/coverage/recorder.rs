@@ -85,7 +85,7 @@ impl Recorder {
 }
 
 impl Coverage {
-    /// What runs of one shader have covered; `path` is that of its module or source.
+    /// Returns the coverage of runs of one shader; `path` is the path of its module or source.
     pub fn of_program(program: &Program, counts: &BlockCounts, path: &Path) -> Self {
         let mut lines = Lines { coverage: Self::default(), modules: Vec::new() };
         lines.program(program, &counts.ran(ShaderIndex(0)), path);

@@ -54,16 +54,16 @@ pub struct HtmlPage {
     pub command: Option<[String; 2]>,
 }
 
-/// The invocations that the pixels of a page stand for.
+/// Mapping from the pixels of a page to invocations.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct PageInvocations {
-    /// The word for one: `pixel` or `invocation`.
+    /// Name of an invocation: `pixel` or `invocation`.
     pub word: &'static str,
     /// Invocations along x, y and z.
     pub size: [u32; 3],
     /// Number of invocations, in launch order, from a pixel to the one below it.
     pub stride: u32,
-    /// How many numbers an ID has on the command line.
+    /// Number of components of an ID on the command line.
     pub dimensions: usize,
 }
 
@@ -78,7 +78,7 @@ pub struct PagePicture {
     floats: Option<PageFloats>,
 }
 
-/// How the numbers of an image became the pixels of its picture.
+/// Encoding of the numbers of an image as pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum NumberEncoding {

@@ -118,8 +118,8 @@ pub struct PictureDifference {
 }
 
 impl PictureDifference {
-    /// Of the bytes of two pictures of one size; `None` where they are not. The pixel that differs
-    /// most is the first of those with the greatest difference in a channel.
+    /// Compares the bytes of two pictures; `None` if their sizes differ. `worst` is the first pixel
+    /// with the greatest difference in a channel.
     pub fn new(name: &str, [width, height]: [u32; 2], expected: Vec<u8>, found: Vec<u8>) -> Option<Self> {
         let picture = |pixels: Vec<u8>| {
             let size = 4 * u64::from(width) * u64::from(height);

@@ -260,7 +260,7 @@ impl Numbers {
         Some((count, texel, format!("expected {}, found {}", words(0), words(1))))
     }
 
-    /// Of the texels for which a condition holds, the one that differs most.
+    /// Returns the texel that differs most among those that meet a condition.
     fn worst(&self, counts: impl Fn(&[[f64; 2]]) -> bool) -> [u32; 2] {
         let distance = |texel: &[[f64; 2]]| {
             let channels = texel.iter().map(|[expected, found]| (expected - found).abs());

@@ -179,22 +179,22 @@ mod tests {
     /// under execution modes. `%23` and `%24` are fast-math modes: none, and `AllowReassoc`.
     fn licence(capability: Option<u32>, decoration: &[u32], modes: &[(u32, Vec<u32>)]) -> FloatLicence {
         let mut a = Assembler::bare(100);
-        a.op(Opcode(17), &[1]);
+        a.op(Opcode::Capability, &[1]);
         capability.iter().for_each(|&capability| {
-            a.op(Opcode(17), &[capability]);
+            a.op(Opcode::Capability, &[capability]);
         });
-        a.op(Opcode(14), &[0, 1]);
+        a.op(Opcode::MemoryModel, &[0, 1]);
         if !decoration.is_empty() {
-            a.op(Opcode(71), &[&[22], decoration].concat());
+            a.op(Opcode::Decorate, &[&[22], decoration].concat());
         }
         a.types();
-        a.op(Opcode(43), &[6, 21, 1f32.to_bits()]);
-        a.op(Opcode(43), &[5, 23, 0]);
-        a.op(Opcode(43), &[5, 24, ALLOW_REASSOC as u32]);
+        a.op(Opcode::Constant, &[6, 21, 1f32.to_bits()]);
+        a.op(Opcode::Constant, &[5, 23, 0]);
+        a.op(Opcode::Constant, &[5, 24, ALLOW_REASSOC as u32]);
         let mut offset = 0;
         a.function(30, 31, |a| {
-            offset = a.op(Opcode(129), &[6, 22, 21, 21]);
-            a.op(Opcode(253), &[]);
+            offset = a.op(Opcode::FAdd, &[6, 22, 21, 21]);
+            a.op(Opcode::Return, &[]);
         });
         let module = a.loaded();
         EntryModes::of_modes(&module, modes).licence(&module, offset as u32, 32)

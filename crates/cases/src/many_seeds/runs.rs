@@ -152,14 +152,10 @@ impl<'a> Runs<'a> {
 
     /// The file of the module that a shader of a pass comes from.
     pub(super) fn module_file(&self, site: &ChoiceSite, shader: ShaderIndex) -> Option<String> {
-        let at = match self.assembled.passes.get(site.pass as usize) {
-            None => shader.index(),
-            Some(pass) => match pass.work {
-                PassWork::Launch(_) => self.assembled.first_program_of(pass) + shader.index(),
-                PassWork::Dispatch(_) => self.assembled.first_program_of(pass),
-            },
-        };
-        module_files(self.scene, self.assembled).into_iter().nth(at)
+        // The shader of a dispatch is number 0.
+        let pass = self.assembled.passes.get(site.pass as usize);
+        let first = pass.map_or(0, |pass| self.assembled.first_program_of(pass));
+        module_files(self.scene, self.assembled).into_iter().nth(first + shader.index())
     }
 
     /// The size of a pass: the given one, unless a buffer holds it.

@@ -114,7 +114,7 @@ fn results(module: &Module) -> FxHashMap<u32, (Id, TypeId)> {
         let id = one.result?;
         let ty = match one.opcode {
             Opcode::Variable => module.pointee(id)?,
-            Opcode::Undef => module.type_of(id)?,
+            Opcode::Undef | Opcode::PoisonKHR => module.type_of(id)?,
             _ => match *module.ty(module.type_of(id)?) {
                 Type::Vector { component, .. } => component,
                 _ => return None,

@@ -6,7 +6,7 @@ use std::sync::{Mutex, PoisonError};
 
 use crate::cost::instructions;
 use crate::pixel_cost::call_tree::{Call, CallIndex, CallSite, CallTree};
-use crate::pixel_cost::{LaunchCost, PixelCost};
+use crate::pixel_cost::{InvocationPlane, LaunchCost, PixelCost};
 use anyhit_base::error::Result;
 use anyhit_base::sorted::sort_by_key;
 use anyhit_engine::accel::TestCounts;
@@ -33,10 +33,10 @@ struct State {
     first: usize,
     pixels: Vec<PixelCost>,
     calls: CallTree,
-    /// By lane: its shaders that run or wait, the outermost first. A dispatch has the same one in
-    /// every lane, as its shader calls no other.
+    /// Running and waiting shaders of each lane, the outermost first. All lanes of a dispatch have
+    /// the same shader, which calls no other.
     stacks: Vec<Vec<CallFrame>>,
-    /// By lane of the batch that runs: the invocation, by its number in launch order.
+    /// Invocation of each lane of the running batch, by its number in launch order.
     by_lane: Vec<usize>,
     /// The invocation that events are of, by its number in launch order.
     invocation: usize,
@@ -87,7 +87,8 @@ pub(super) fn count(launch: &Launch<'_>, size: [u32; 3]) -> Result<LaunchCost> {
     // Of a launch that is not observed nothing is counted.
     pixels.resize(count, PixelCost::default());
     let subgroup_size = observed_subgroups(*subgroup_size, one_by_one);
-    Ok(LaunchCost { size, workgroup_size: None, pixels, subgroup_size, calls })
+    let plane = InvocationPlane::of_launch(size);
+    Ok(LaunchCost { plane, pixels, subgroup_size, calls })
 }
 
 /// Runs a dispatch, and counts what its invocations cost, on one thread.
@@ -121,8 +122,8 @@ pub(super) fn count_dispatch(
     compute.run_observed_with_traversal(resources, groups, &mut on_event, &mut blocks)?;
     let State { pixels, calls, one_by_one, .. } = counter.state.into_inner();
     let subgroup_size = observed_subgroups(compute.subgroup_size, one_by_one);
-    let workgroup_size = Some(compute.workgroup_size());
-    Ok(LaunchCost { size, workgroup_size, pixels, subgroup_size, calls })
+    let plane = InvocationPlane::of_dispatch(size, compute.workgroup_size());
+    Ok(LaunchCost { plane, pixels, subgroup_size, calls })
 }
 
 /// The subgroup size, where the divergence of subgroups was observed.

@@ -38,7 +38,7 @@ impl HeatMeasure {
         }
     }
 
-    /// What is measured, in words that fit a line.
+    /// Title of the measure, at most a line.
     fn title(self, kind: PlaneKind) -> String {
         let word = kind.word();
         match self {
@@ -72,7 +72,7 @@ impl HeatMeasure {
 pub struct Heat {
     /// What the numbers are.
     pub measure: HeatMeasure,
-    /// What they are of.
+    /// Kind of the invocations.
     pub kind: PlaneKind,
     /// Width and height.
     pub extent: [u32; 2],
@@ -104,7 +104,7 @@ impl Heat {
         Self { measure, kind: plane.kind, extent: plane.extent, values: plane.values(values) }
     }
 
-    /// What is measured, in words that fit a line.
+    /// Title of the measure, at most a line.
     pub fn title(&self) -> String {
         self.measure.title(self.kind)
     }

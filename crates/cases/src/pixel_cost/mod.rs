@@ -1,4 +1,4 @@
-//! What each pixel of a launch or dispatch costs, and which source lines cost it.
+//! Cost of each pixel of a launch or dispatch, and of source lines.
 //!
 //! A launch runs under observers, on all threads where it may, and a dispatch on one. Counts depend
 //! neither on threads nor on the machine: [`measure`] returns a [`LaunchCost`], which has a
@@ -34,8 +34,7 @@ use anyhit_scene::frame::SinglePass;
 /// forty bytes.
 const MAX_INVOCATIONS: u64 = 1 << 26;
 
-/// What one invocation of ray generation costs, with all shaders that are called for it, or one of
-/// a compute shader.
+/// Cost of an invocation of ray generation with all shaders that it calls, or of a compute shader.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PixelCost {
     /// Instructions of the SPIR-V modules.
@@ -50,27 +49,18 @@ pub struct PixelCost {
     pub any_hit: u64,
 }
 
-/// What a launch or dispatch costs.
+/// Cost of a launch or dispatch.
 #[derive(Clone, Debug)]
 pub struct LaunchCost {
-    /// Width, height and depth: of a dispatch, its invocations along x, y and z.
-    pub size: [u32; 3],
-    /// Invocations of a workgroup; `None` of a launch.
-    pub workgroup_size: Option<[u32; 3]>,
-    /// By launch index or global invocation ID, x fastest.
+    /// Plane on which the invocations are shown.
+    pub plane: InvocationPlane,
+    /// Cost of each invocation, by launch index or global invocation ID, x fastest.
     pub pixels: Vec<PixelCost>,
     /// The invocations of a subgroup; `None` where invocations depend on each other's order and so
     /// ran one by one, which says nothing of divergence.
     pub subgroup_size: Option<u32>,
     /// Which shaders ran, called from where.
     pub calls: CallTree,
-}
-
-impl LaunchCost {
-    /// The plane on which the invocations are shown.
-    pub fn plane(&self) -> InvocationPlane {
-        InvocationPlane::of(self.size, self.workgroup_size)
-    }
 }
 
 /// Runs the passes of a scene on resources, and counts what one of them costs.
@@ -99,7 +89,9 @@ fn count(assembled: &Assembled, single: &SinglePass<'_>, resources: &Resources) 
         SinglePass::Launch(single) => {
             let resources: Cow<'_, Resources> = single.resources(resources);
             let launch = Launch { pipeline: &single.pipeline, resources: &resources };
-            counter::count(&launch, single.size_in(&resources))
+            let size = single.size_in(&resources);
+            check_count(size)?;
+            counter::count(&launch, size)
         }
         SinglePass::Dispatch(single) => {
             let resources = assembled.pass_resources(single.pass, resources);

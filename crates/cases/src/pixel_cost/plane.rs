@@ -4,7 +4,7 @@ use std::cmp::Ordering;
 
 use anyhit_engine::math::array;
 
-/// What the invocations of a plane are of.
+/// Kind of the invocations of a plane.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PlaneKind {
     /// A launch, whose invocations are called pixels.
@@ -14,7 +14,7 @@ pub enum PlaneKind {
 }
 
 impl PlaneKind {
-    /// The word for an invocation: `pixel` or `invocation`.
+    /// Name of an invocation: `pixel` or `invocation`.
     pub fn word(self) -> &'static str {
         match self {
             Self::Launch => "pixel",
@@ -23,10 +23,10 @@ impl PlaneKind {
     }
 }
 
-/// The pixels that stand for the invocations of a launch or dispatch.
+/// Mapping from the invocations of a launch or dispatch to pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct InvocationPlane {
-    /// What the invocations are of.
+    /// Kind of the invocations.
     pub kind: PlaneKind,
     /// Invocations along x, y and z.
     pub size: [u32; 3],
@@ -66,7 +66,7 @@ impl InvocationPlane {
         let groups = width / group_width.max(1);
         let divisors = |number: u32| (1..=number).filter(move |part| number.is_multiple_of(*part));
         let strides = divisors(groups).map(|count| count * group_width).chain(divisors(group_width));
-        // Of two that are equally long, the wider one.
+        // Ties prefer the wider plane.
         let elongation = |stride: u32| {
             let (width, height) = (f64::from(stride), f64::from(width / stride));
             ((width / height).max(height / width), height)
@@ -115,7 +115,7 @@ impl InvocationPlane {
         pixel.iter().zip(self.extent).all(|(&at, side)| at < side).then_some(pixel)
     }
 
-    /// How many numbers an ID has on the command line: two for a launch without depth, else three.
+    /// Number of components of an ID on the command line: 2 for a launch without depth, else 3.
     pub fn dimensions(&self) -> usize {
         if self.kind == PlaneKind::Launch && self.size[2] == 1 { 2 } else { 3 }
     }
@@ -131,7 +131,8 @@ impl InvocationPlane {
         format!("{} {}s", sides.collect::<Vec<_>>().join(" x "), self.kind.word())
     }
 
-    /// The numbers of its pixels, rows from the top, of those of all invocations in launch order.
+    /// Returns the numbers of its pixels, rows from the top, from those of all invocations in launch
+    /// order.
     pub fn values(&self, all: &[f64]) -> Vec<f64> {
         let [width, height] = self.extent.map(|side| side as usize);
         let row = |y: usize| &all[y * self.stride as usize..][..width];

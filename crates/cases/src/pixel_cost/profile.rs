@@ -39,9 +39,7 @@ impl Profile {
                 Self::new(calls, &single.pipeline, &names)
             }
             SinglePass::Dispatch(single) => {
-                let mut builder = Pipeline::builder();
-                builder.shader(single.dispatch.compute.program.clone());
-                let pipeline = builder.build()?;
+                let pipeline = single.dispatch.compute.as_pipeline()?;
                 let module = scene.dispatches[single.index].shader.module;
                 Self::new(calls, &pipeline, &Names::of_dispatch(scene, module, &pipeline))
             }

@@ -107,8 +107,8 @@ fn compare_runs(
     let Perturbation { first_run, runs, .. } = context.perturbation;
     let work = Work::counted("running perturbed", u64::from(runs.saturating_sub(first_run)) + 1);
     for number in first_run..=runs {
-        work.advance(1);
         let (observed, seen, outcome) = run(number, Some(&decisions.decisions));
+        work.advance(1);
         for (DecisionSite { shader, offset, kind }, count) in seen.divergences {
             *found.branches.entry((context.programs.location(shader, offset), kind)).or_default() += count;
         }

@@ -15,9 +15,9 @@ use anyhit_scene::{Assembled, ResolvedScene};
 pub(super) enum RunPart {
     /// An invocation of ray generation.
     Invocation {
-        /// Which pass of the scene, from 0.
+        /// Index of the pass in the scene.
         pass: usize,
-        /// Which launch of the scene, from 0.
+        /// Index of the launch in the scene.
         launch: usize,
         /// The pipeline: a named one by its index, or `[pipeline]`.
         pipeline: Option<usize>,
@@ -26,7 +26,7 @@ pub(super) enum RunPart {
     },
     /// A dispatch.
     Dispatch {
-        /// Which pass of the scene, from 0.
+        /// Index of the pass in the scene.
         pass: usize,
         /// The index of its program among [`Programs`](super::place::Programs).
         program: usize,

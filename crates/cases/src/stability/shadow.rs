@@ -14,6 +14,7 @@ use crate::stability::shadow_interpreter::ShadowInterpreter;
 use anyhit_base::error::{Error, Result};
 use anyhit_base::progress::Work;
 use anyhit_debugger::session::ResolvedRequest;
+use anyhit_scene::frame::SinglePass;
 use anyhit_scene::{Assembled, ResolvedScene};
 
 /// Runs a scene's passes on a copy of its resources, with shadows. Returns
@@ -37,39 +38,45 @@ pub fn shadow(scene: &ResolvedScene, assembled: &Assembled) -> Result<(ShadowFin
     trap_of(outcome).map(|trap| (sum, trap))
 }
 
-/// Runs a scene's passes as [`shadow`] does. Returns for each invocation of one of its passes, of
-/// so many invocations, how far what it writes to images is from f64 arithmetic: the greatest error
-/// of a float component, before it is converted to the image's format, in units in the last place
-/// of an f32. Where a number is not finite on one of the two sides there is nothing to compare: it
-/// has no error.
+/// Runs a scene's passes as [`shadow`] does. Returns the size of one of its passes, and for each of
+/// its invocations how far what it writes to images is from f64 arithmetic: the greatest error of a
+/// float component, before it is converted to the image's format, in units in the last place of an
+/// f32. Where a number is not finite on one of the two sides there is nothing to compare: it has no
+/// error.
 ///
 /// # Errors
 /// As [`shadow`], and the first trap.
 pub fn texel_errors(
     scene: &ResolvedScene,
     assembled: &Assembled,
-    pass: usize,
-    size: [u32; 3],
-) -> Result<Vec<f64>> {
+    single: &SinglePass<'_>,
+) -> Result<([u32; 3], Vec<f64>)> {
     let _work = Work::new("measuring rounding errors");
     let context = ShadowContext::new(scene, assembled);
     let resources = fresh_resources(assembled);
-    let [width, height, depth] = size.map(|side| side as usize);
-    let mut errors = vec![0.0_f64; width * height * depth];
+    let mut found = Vec::new();
     probe::run(
         assembled,
         &resources,
         &|| ShadowInterpreter::new(&context),
         &mut |interpreter: ShadowInterpreter<'_>| {
-            for texel in interpreter.texel_errors.iter().filter(|texel| texel.pass == pass) {
-                let [x, y, z] = texel.id.map(|axis| axis as usize);
-                let error = &mut errors[(z * height + y) * width + x];
-                *error = error.max(texel.ulps);
-            }
+            let errors = interpreter.texel_errors.iter().filter(|texel| texel.pass == single.number());
+            found.extend(errors.map(|texel| (texel.id, texel.ulps)));
             context.memory().extend(interpreter.memory);
         },
     )?;
-    Ok(errors)
+    let size = single.size_in(assembled, &resources);
+    let [width, height, depth] = size.map(|side| side as usize);
+    let mut errors = vec![0.0_f64; width * height * depth];
+    for (id, ulps) in found {
+        let [x, y, z] = id.map(|axis| axis as usize);
+        // A later pass may have changed a size that a buffer holds.
+        if let Some(error) = errors.get_mut((z * height + y) * width + x).filter(|_| x < width && y < height)
+        {
+            *error = error.max(ulps);
+        }
+    }
+    Ok((size, errors))
 }
 
 /// Runs one ray or one invocation of ray generation with f64 shadows.

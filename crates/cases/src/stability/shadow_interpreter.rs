@@ -45,7 +45,7 @@ pub(super) struct ShadowInterpreter<'a> {
     launch_id: Option<[u32; 3]>,
     dispatch: bool,
     pipeline: Option<usize>,
-    /// Which pass of the scene runs, from 0.
+    /// Index of the running pass in the scene.
     pass: usize,
     /// The errors of the texels that invocations have written.
     pub texel_errors: Vec<TexelError>,

@@ -44,7 +44,7 @@ pub(super) enum WaitsFor {
 /// How far a texel that an invocation writes is from its shadow.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct TexelError {
-    /// Which pass of the scene, from 0.
+    /// Index of the pass in the scene.
     pub pass: usize,
     /// The launch index, or the global invocation ID.
     pub id: [u32; 3],

@@ -182,8 +182,8 @@ pub(super) fn problem(finished: &Finished, tree: &SourceTree) -> Option<Problem>
     let error = errors.first()?;
     let place = line.map(|line| (line.file.clone(), line.line)).or_else(|| place(error));
     let (file, line) = place.unwrap_or_else(|| (escape::path(&finished.file).to_string(), 1));
-    let places = errors.iter().flat_map(Error::places).map(|(place, _)| place);
-    let columns = { places }.find(|place| place.file_line() == Some((&*file, line))).and_then(Place::columns);
+    let mut places = errors.iter().flat_map(Error::places).map(|(place, _)| place);
+    let columns = places.find(|place| place.file_line() == Some((&*file, line))).and_then(Place::columns);
     let mut report = String::new();
     for error in errors {
         report.push_str(&error.render());

@@ -62,7 +62,7 @@ struct SarifResult<'a> {
 struct SarifLog {
     rules: Vec<Value>,
     results: Vec<Value>,
-    /// How many results have the same rule, message and file.
+    /// Number of results with the same rule, message and file.
     known: SortedMap<String, u32>,
 }
 
@@ -232,7 +232,7 @@ mod tests {
         );
         let of = |at: usize| results[at]["partialFingerprints"][FINGERPRINT].as_str().expect("a fingerprint");
         assert!(of(0) != of(1) && of(1) != of(2) && of(0) != of(2));
-        // Where a line has moved, the fingerprint stays.
+        // A moved line keeps its fingerprint.
         let moved: Value =
             serde_json::from_str(&findings_sarif(&[finding(Some("sky,1.rmiss"), Some(70), None)]))
                 .expect("JSON");

@@ -8,7 +8,7 @@ use crate::coverage::Recorder;
 #[cfg(feature = "reports")]
 use crate::expect::PictureDifference;
 use crate::expect::{Difference, Subject};
-use crate::many_seeds::ManySeeds;
+use crate::many_seeds::{ManySeeds, run_command};
 use crate::observe::fresh_resources;
 use crate::rendering;
 use crate::run::{RayMeasurements, launch_covered, rays, run_launch, run_ray};
@@ -99,7 +99,7 @@ impl Tester<'_> {
         let path = escape::path(&scene.path).to_string();
         let ray = self.part().map(|at| &scene.rays[at]);
         let mut command = match ray {
-            None => format!("anyhit run {}", shell::word(&path)),
+            None => run_command(scene),
             Some(ray) => command_line(&path, &request(ray)),
         };
         if let Some(variant) = self.variant {

@@ -50,7 +50,7 @@ pub fn listen(
 /// Files of the disk, and the limits of running.
 #[derive(Debug)]
 pub struct DiskHost {
-    /// How files are read.
+    /// Reads files, within limits.
     pub files: SceneFiles,
     /// The limits of what runs, over those of a scene.
     pub limits: RunLimits,
@@ -75,7 +75,7 @@ impl Host for DiskHost {
     }
 }
 
-/// What comes from the editor.
+/// Input from the editor.
 #[derive(Debug)]
 enum Incoming {
     Message(Value),
@@ -86,7 +86,7 @@ enum Incoming {
 /// Serves one editor to the end of its session. `recovers` says whether a broken header is skipped.
 ///
 /// # Errors
-/// Where the editor cannot be written to.
+/// Errors of writing to the editor.
 pub fn serve(
     host: Rc<dyn Host>,
     input: impl Read + Send + 'static,
@@ -115,7 +115,8 @@ pub fn serve(
     Ok(())
 }
 
-/// What comes next: while the invocation runs, nothing may. `None` where the editor has gone.
+/// Returns the next input, or nothing while the invocation runs; `None` if the editor has
+/// disconnected.
 fn next(receiver: &Receiver<Incoming>, flags: &InterruptFlags, is_running: bool) -> Option<Option<Incoming>> {
     if !is_running {
         return receiver.recv().ok().map(Some);
@@ -157,7 +158,7 @@ struct MessageReader<R> {
     input: R,
     /// The first line of a header that was found behind something that is no message.
     found: Option<String>,
-    /// Whether the last header was broken, so that the next one is to be looked for.
+    /// True after a broken header: the next one is searched for.
     is_lost: bool,
 }
 

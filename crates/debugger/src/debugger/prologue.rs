@@ -17,7 +17,8 @@ pub(super) fn body_offset(module: &Module, function: &Function) -> u32 {
     for (at, instruction) in first.instructions.iter().enumerate() {
         let next = first.instructions.get(at + 1).map_or(instruction.offset, |next| next.offset);
         match instruction.opcode {
-            Opcode::Undef | Opcode::Variable => body = next,
+            Opcode::Variable => body = next,
+            opcode if opcode.is_undefined() => body = next,
             // Another line is a statement's.
             _ if *line.get_or_insert(line_of(module, instruction)) != line_of(module, instruction) => break,
             Opcode::Load | Opcode::CompositeExtract | Opcode::CopyObject | Opcode::FreezeKHR => {}

@@ -124,9 +124,7 @@ impl Debugger {
     ) -> Result<Self> {
         let compute = compute.unoptimized()?;
         let company = company.unwrap_or_else(|| company_in(&compute, resources, groups));
-        let mut builder = Pipeline::builder();
-        builder.shader(compute.program.clone());
-        let pipeline = Arc::new(builder.build()?);
+        let pipeline = Arc::new(compute.as_pipeline()?);
         let subgroup = compute.program.uses_subgroups.then_some(compute.subgroup_size);
         let debuggee = match subgroup {
             None | Some(1) if company != Company::Alone => {

@@ -264,6 +264,13 @@ impl Format {
         matches!(self.component, Component::Unorm8 | Component::Unorm16 | Component::Unorm10A2)
     }
 
+    /// Returns true if its components are floats, shared exponents included.
+    #[doc(hidden)]
+    pub fn is_float(self) -> bool {
+        use Component::{Float11B10, Float16, Float32, SharedExponent};
+        matches!(self.component, Float16 | Float32 | Float11B10 | SharedExponent)
+    }
+
     /// Whether its integers have 64 bits.
     #[doc(hidden)]
     pub fn is_wide(self) -> bool {

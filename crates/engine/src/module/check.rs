@@ -1,7 +1,7 @@
 //! Checks the instructions of the functions against the grammar and the definitions.
 
 use crate::module::check_encoding::EncodedTypes;
-use crate::module::grammar::{InstructionGrammar, is_id, walk};
+use crate::module::grammar::{is_id, walk};
 use crate::module::id_map::UnknownResults;
 use crate::module::span::{Span, invalid, span_of};
 use crate::module::{BasicBlock, Definition, Id, Instruction, Module, Opcode, check_access, check_encoding};
@@ -78,17 +78,17 @@ impl Checker<'_> {
                 used_variables.push(index);
             }
         };
-        let Some(known) = InstructionGrammar::of(instruction.opcode) else {
+        if !instruction.opcode.is_known() {
             // Any word of an unknown instruction may be an id.
             let words = self.module.operands(instruction).iter();
             words.filter_map(|&word| self.module.definition(Id(word))).for_each(record);
             return Ok(());
-        };
+        }
         let span = span_of(instruction);
         let literal_words = self.module.switch_literal_words(instruction);
         let first = instruction.operands.start as usize;
         let mut extended_set = None;
-        if matches!(known.op, Opcode::ExtInst | Opcode::ExtInstWithForwardRefsKHR) {
+        if matches!(instruction.opcode, Opcode::ExtInst | Opcode::ExtInstWithForwardRefsKHR) {
             extended_set = Some(first);
         }
         let mut index = 0;
@@ -112,7 +112,7 @@ impl Checker<'_> {
                     _ => Err(self.expected(span, at, "an imported instruction set")),
                 };
             }
-            match (names_label(known.op, operand), definition) {
+            match (names_label(instruction.opcode, operand), definition) {
                 (true, Definition::Label(function, _)) if function == self.function => Ok(()),
                 (true, _) => Err(self.expected(span, at, "a label of the same function")),
                 (false, Definition::Label(..)) => Err(self.expected(span, at, "a value")),
@@ -123,7 +123,8 @@ impl Checker<'_> {
                 }
                 // Blocks come after those that dominate them, so definitions come before uses.
                 (false, Definition::Result(_, other_block, other_position))
-                    if (other_block, other_position) >= (block, position) && known.op != Opcode::Phi =>
+                    if (other_block, other_position) >= (block, position)
+                        && instruction.opcode != Opcode::Phi =>
                 {
                     Err(self.expected(span, at, "a previously defined value"))
                 }

@@ -1,7 +1,6 @@
 //! Checks accesses of composites: indices are in bounds, and loads and stores have the type of the
 //! pointee.
 
-use crate::module::grammar::InstructionGrammar;
 use crate::module::span::{invalid, span_of};
 use crate::module::ty::{Type, TypeId};
 use crate::module::{Id, Instruction, Module, Opcode};
@@ -14,11 +13,10 @@ use anyhit_base::error::{Error, Result};
 /// vector, matrix or array, indexes a scalar, or leads to another type than the instruction has;
 /// where the values of a phi or the pointees of a memory copy have different types.
 pub(super) fn instruction(module: &Module, instruction: &Instruction) -> Result<()> {
-    let Some(known) = InstructionGrammar::of(instruction.opcode) else { return Ok(()) };
     let first = instruction.operands.start as usize;
     let result_type = || instruction.result_type.and_then(|id| module.type_with_id(id));
     let access = AccessChecker { module, instruction };
-    match known.op {
+    match instruction.opcode {
         Opcode::CompositeExtract => {
             let Some(composite) = access.value_type(first)? else { return Ok(()) };
             let found = access.literal_path(composite, first + 1)?;
@@ -186,10 +184,7 @@ impl AccessChecker<'_> {
     /// `OpAccessChain` past the end is undefined only if the pointer is used, and shaders may
     /// compute one and never use it.
     fn checked_length(&self, length: Option<u64>) -> Option<u64> {
-        let literal = matches!(
-            InstructionGrammar::of(self.instruction.opcode)?.op,
-            Opcode::CompositeExtract | Opcode::CompositeInsert
-        );
+        let literal = matches!(self.instruction.opcode, Opcode::CompositeExtract | Opcode::CompositeInsert);
         length.filter(|_| literal)
     }
 

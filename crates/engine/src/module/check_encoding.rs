@@ -97,6 +97,9 @@ pub(super) fn constants(module: &Module, encoded: &EncodedTypes) -> Result<()> {
     }
     for constant in &module.constants {
         let ConstantValue::Operation { opcode, operands } = &constant.value else { continue };
+        if !opcode.is_known() {
+            continue;
+        }
         let op = *opcode;
         let at = constant.offset as usize;
         check_saturation(module, encoded, constant.id, module.id_of_type(constant.ty), op, at)?;

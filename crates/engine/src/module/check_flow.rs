@@ -2,7 +2,6 @@
 
 use smallvec::{SmallVec, smallvec};
 
-use crate::module::grammar::InstructionGrammar;
 use crate::module::span::invalid;
 use crate::module::{BasicBlock, Definition, Function, Id, Instruction, Module, Opcode};
 use anyhit_base::error::Result;
@@ -79,5 +78,5 @@ fn check_phi(module: &Module, function: &Function, predecessors: &[u32], phi: &I
 
 /// Whether a block ends with an unknown opcode, so that its successors are not known.
 fn ends_in_unknown_opcode(block: &BasicBlock) -> bool {
-    block.instructions.last().is_some_and(|last| InstructionGrammar::of(last.opcode).is_none())
+    block.instructions.last().is_some_and(|last| !last.opcode.is_known())
 }

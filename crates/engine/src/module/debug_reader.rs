@@ -75,9 +75,9 @@ impl<'w> DebugReader<'w> {
     }
 
     /// Reads an instruction of the core grammar.
-    pub(super) fn core(&mut self, span: Span, op: Opcode) {
+    pub(super) fn core(&mut self, span: Span) {
         let words = &self.words[span.operands()];
-        match (op, words) {
+        match (span.opcode, words) {
             (Opcode::Name, [target, name @ ..]) => {
                 self.info.names.entry(Id(*target)).or_insert_with(|| name_of(name));
             }

@@ -35,14 +35,15 @@ fn read(module: &Module) -> DebugScopes {
     let words = &module.words[..];
     let mut offset = HEADER;
     while let Some(&first) = words.get(offset) {
-        let (count, opcode) = ((first >> 16) as usize, first & 0xFFFF);
+        let count = (first >> 16) as usize;
         let Some(operands) = words.get(offset + 1..offset + count).filter(|_| count > 0) else { break };
-        if opcode == u32::from(Opcode::ExtInst.0) || opcode == u32::from(Opcode::ExtInstWithForwardRefsKHR.0)
-        {
-            reader.instruction(offset as u32, operands);
-        } else if opcode == u32::from(Opcode::Label.0) || opcode == u32::from(Opcode::FunctionEnd.0) {
+        match Opcode::of_word(first) {
+            Opcode::ExtInst | Opcode::ExtInstWithForwardRefsKHR => {
+                reader.instruction(offset as u32, operands);
+            }
             // A scope holds to the end of its block.
-            reader.position = None;
+            Opcode::Label | Opcode::FunctionEnd => reader.position = None,
+            _ => {}
         }
         offset += count;
     }

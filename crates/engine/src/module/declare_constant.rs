@@ -14,8 +14,8 @@ use anyhit_base::input::InputLimit;
 
 impl Loader<'_> {
     /// How many words the value of an `OpConstant` or `OpSpecConstant` takes; 1 for anything else.
-    pub(super) fn literal_words(&self, span: Span, known: &InstructionGrammar) -> usize {
-        if !matches!(known.op, Opcode::Constant | Opcode::SpecConstant) || span.end < span.start + 2 {
+    pub(super) fn literal_words(&self, span: Span) -> usize {
+        if !matches!(span.opcode, Opcode::Constant | Opcode::SpecConstant) || span.end < span.start + 2 {
             return 1;
         }
         match self.module.definition(self.id(span.start + 1)) {
@@ -38,7 +38,7 @@ impl Loader<'_> {
         if matches!(self.module.ty(ty), Type::Void | Type::Function { .. }) {
             return Err(self.expected(span, first, "a type of values"));
         }
-        let value = self.constant_value(span, known.op, ty)?;
+        let value = self.constant_value(span, span.opcode, ty)?;
         let index = self.module.constants.len() as u32;
         self.within(InputLimit::ModuleConstants, u64::from(index) + 1, span.start)?;
         self.define(first + 1, Definition::Constant(index))?;
@@ -86,7 +86,7 @@ impl Loader<'_> {
             Opcode::SpecConstantOp => ConstantValue::Operation {
                 // An opcode that does not fit 16 bits cannot exist: it is refused where it is
                 // needed.
-                opcode: Opcode(u16::try_from(self.words[at]).unwrap_or(u16::MAX)),
+                opcode: Opcode::of_operand(self.words[at]),
                 operands: self.words[at + 1..span.end].to_vec(),
             },
             _ => ConstantValue::Other(span.opcode),

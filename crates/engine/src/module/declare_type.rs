@@ -36,7 +36,7 @@ impl Loader<'_> {
             return Err(unsupported_continuation(span));
         }
         let at = span.start + 1;
-        let (ty, extent) = self.type_of_words(span, known.op)?;
+        let (ty, extent) = self.type_of_words(span, span.opcode)?;
         // Every kind of nesting is limited, so that recursion over a type has a bounded depth.
         self.within(InputLimit::TypeNesting, extent.depth.into(), span.start)?;
         self.within(InputLimit::TypeParts, extent.parts, span.start)?;
@@ -51,7 +51,7 @@ impl Loader<'_> {
                 .at_with(Place::Word(first), "the first declaration"));
             }
         }
-        if known.op == Opcode::TypePointer && self.forward.contains_key(&self.id(at)) {
+        if span.opcode == Opcode::TypePointer && self.forward.contains_key(&self.id(at)) {
             return self.define_forward_pointer(span, ty);
         }
         let id = TypeId(self.module.types.len() as u32);
@@ -306,8 +306,8 @@ impl Loader<'_> {
 
 /// The error of a count of components or columns.
 fn wrong_count(span: Span, at: usize, expected: &str, found: u32) -> Error {
-    let name = span.opcode;
-    invalid(at, format!("{name}: expected {expected}, found {found}")).note("SPIR-V, 2.16.1")
+    let opcode = span.opcode;
+    invalid(at, format!("{opcode}: expected {expected}, found {found}")).note("SPIR-V, 2.16.1")
 }
 
 /// The error for an instruction that continues another one beyond 65,535 words.

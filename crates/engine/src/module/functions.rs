@@ -16,12 +16,12 @@ impl<'w> Loader<'w> {
     pub(super) fn functions(&mut self, walker: &mut Walker<'w>, first: Option<Span>) -> Result<()> {
         let mut next = first;
         while let Some(span) = next {
-            match InstructionGrammar::of(span.opcode) {
-                None => self.record_unknown(span),
-                Some(known) if known.op == Opcode::Function => self.function(span, walker)?,
-                Some(known) if known.op == Opcode::Nop || self.debug_instruction(span, known)? => {}
-                Some(_) => {
-                    return Err(invalid(span.start, format!("expected OpFunction, found {}", span.opcode)));
+            match span.opcode {
+                Opcode::Function => self.function(span, walker)?,
+                opcode if !opcode.is_known() => self.record_unknown(span),
+                opcode if opcode == Opcode::Nop || self.debug_instruction(span)? => {}
+                opcode => {
+                    return Err(invalid(span.start, format!("expected OpFunction, found {opcode}")));
                 }
             }
             next = walker.next()?;
@@ -71,10 +71,10 @@ impl<'w> Loader<'w> {
             self.push_instruction(span, None, builder)?;
             return Ok(false);
         };
-        if known.op == Opcode::Nop || self.debug_instruction(span, known)? {
+        if span.opcode == Opcode::Nop || self.debug_instruction(span)? {
             return Ok(false);
         }
-        match known.op {
+        match span.opcode {
             Opcode::FunctionParameter => self.parameter(span, builder)?,
             Opcode::FunctionEnd => {
                 walk(self.words, span, 1, &mut |_, _| Ok(()))?;
@@ -186,10 +186,10 @@ impl<'w> Loader<'w> {
         let definition = Definition::Result(builder.index, block_index, block.instructions.len() as u32);
         block.instructions.push(instruction);
         let ty = type_at.map(|at| self.type_at(span, at)).transpose()?;
-        if let (Some(ty), Some(known)) = (ty, known)
-            && matches!(known.op, Opcode::Variable | Opcode::UntypedVariableKHR)
+        if let Some(ty) = ty
+            && matches!(span.opcode, Opcode::Variable | Opcode::UntypedVariableKHR)
         {
-            self.local_variable(span, known, ty, block_index)?;
+            self.local_variable(span, ty, block_index)?;
         }
         if let Some(at) = result_at {
             self.define(at, definition)?;
@@ -198,7 +198,7 @@ impl<'w> Loader<'w> {
         Ok(())
     }
 
-    fn local_variable(&self, span: Span, known: &InstructionGrammar, ty: TypeId, block: u32) -> Result<()> {
+    fn local_variable(&self, span: Span, ty: TypeId, block: u32) -> Result<()> {
         walk(self.words, span, 1, &mut |_, _| Ok(()))?;
         let storage_class = self.words[span.start + 3];
         if storage_class != FUNCTION_STORAGE {
@@ -210,7 +210,7 @@ impl<'w> Loader<'w> {
         if block != 0 {
             return Err(invalid(span.start, format!("{} follows the function's first block", span.opcode)));
         }
-        self.variable_type(span, ty, storage_class, known.op == Opcode::UntypedVariableKHR)?;
+        self.variable_type(span, ty, storage_class, span.opcode == Opcode::UntypedVariableKHR)?;
         Ok(())
     }
 

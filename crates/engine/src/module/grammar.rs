@@ -19,30 +19,35 @@ use anyhit_base::error::Result;
 /// The grammar of the instructions of one opcode.
 #[derive(Clone, Copy)]
 pub(crate) struct InstructionGrammar {
-    /// The opcode.
-    pub(crate) op: Opcode,
     /// The name without its `Op`.
     pub(crate) name: &'static str,
     /// Whether its first operand is a result type.
     pub(crate) has_type: bool,
     /// Whether it has a result id (after the result type, if there is one).
     pub(crate) has_result: bool,
+    /// Whether it defines a constant or an undefined value.
+    pub(crate) is_constant: bool,
     /// Whether it is allowed only outside functions.
     pub(crate) module_scope_only: bool,
     /// Whether it ends its block.
     pub(crate) ends_block: bool,
     /// Its operands, result type and result id included.
-    pub(super) operands: &'static [LogicalOperand],
+    operands: &'static [LogicalOperand],
     fixed: FixedOperands,
 }
 
 impl Opcode {
-    /// The grammar of the operands, result type and result id included; none of an unknown opcode.
+    /// Operands, result type and result id included; empty for an unknown opcode.
     pub fn operands(self) -> &'static [LogicalOperand] {
         InstructionGrammar::of(self).map_or(&[], |known| known.operands)
     }
 
-    /// Whether the tables have the opcode.
+    /// Returns true for block terminators.
+    pub(crate) fn ends_block(self) -> bool {
+        InstructionGrammar::of(self).is_some_and(|known| known.ends_block)
+    }
+
+    /// Returns true if the tables contain the opcode.
     pub fn is_known(self) -> bool {
         InstructionGrammar::of(self).is_some()
     }
@@ -143,20 +148,15 @@ impl InstructionGrammar {
         TABLE.get(usize::from(opcode.0))
     }
 
-    /// Grammar of the opcode that is an operand of `OpSpecConstantOp`.
-    pub(crate) fn of_word(word: u32) -> Option<&'static Self> {
-        Self::of(Opcode(u16::try_from(word).ok()?))
-    }
-
     fn new(op: Opcode, name: &'static str, operands: &'static [LogicalOperand]) -> Self {
         let kind = |index: usize| operands.get(index).map(|operand| operand.kind);
         let has_type = kind(0) == Some(OperandKind::IdResultType);
         let has_result = kind(usize::from(has_type)) == Some(OperandKind::IdResult);
         Self {
-            op,
             name,
             has_type,
             has_result,
+            is_constant: is_constant(op, name),
             module_scope_only: is_module_scope_only(op, name),
             ends_block: ends_block(op),
             operands,
@@ -174,14 +174,9 @@ impl InstructionGrammar {
 const OPTIONAL_ID: LogicalOperand =
     LogicalOperand { kind: OperandKind::IdRef, quantifier: OperandQuantifier::ZeroOrOne };
 
-/// Whether an opcode defines an undefined value, at module scope or in a function.
-fn is_undefined(op: Opcode) -> bool {
-    matches!(op, Opcode::Undef | Opcode::PoisonKHR)
-}
-
 /// Whether an opcode defines a constant or an undefined value; its name is without `Op`.
-pub(crate) fn is_constant(op: Opcode, name: &str) -> bool {
-    is_undefined(op) || name.starts_with("Constant") || name.starts_with("SpecConstant")
+fn is_constant(op: Opcode, name: &str) -> bool {
+    op.is_undefined() || name.starts_with("Constant") || name.starts_with("SpecConstant")
 }
 
 fn is_module_scope_only(op: Opcode, name: &str) -> bool {
@@ -204,7 +199,7 @@ fn is_module_scope_only(op: Opcode, name: &str) -> bool {
             | Opcode::GroupDecorate
             | Opcode::GroupMemberDecorate
     ) || name.starts_with("Type")
-        || (is_constant(op, name) && !is_undefined(op))
+        || (is_constant(op, name) && !op.is_undefined())
 }
 
 /// Whether words of this kind are ids.
@@ -245,7 +240,7 @@ pub(crate) fn walk(
         cursor.next_word("its result")?;
     }
     cursor.operands(&known.operands[known.result_words()..])?;
-    if known.op == Opcode::HitObjectRecordFromQueryEXT {
+    if span.opcode == Opcode::HitObjectRecordFromQueryEXT {
         cursor.operands(&[OPTIONAL_ID])?;
     }
     if cursor.at < span.end {
@@ -348,9 +343,10 @@ impl Cursor<'_> {
             }
             K::LiteralSpecConstantOpInteger => {
                 let at = self.visit_word(kind)?;
-                match InstructionGrammar::of_word(self.words[at]) {
+                let opcode = Opcode::of_operand(self.words[at]);
+                match InstructionGrammar::of(opcode) {
                     // Rejected here, because it would recurse without end.
-                    Some(inner) if inner.op == Opcode::SpecConstantOp => {
+                    Some(_) if opcode == Opcode::SpecConstantOp => {
                         Err(invalid(at, "OpSpecConstantOp cannot compute an OpSpecConstantOp"))
                     }
                     Some(inner) => self.operands(&inner.operands[inner.result_words()..]),
@@ -438,7 +434,7 @@ fn parameters(kind: OperandKind, word: u32) -> Option<Vec<LogicalOperand>> {
     }
 }
 
-/// Whether instructions of an opcode end their block.
+/// Returns true for block terminators.
 fn ends_block(op: Opcode) -> bool {
     let known = spirv::Op::from_u32(op.0.into());
     op == Opcode::AbortKHR || known.is_some_and(is_block_terminator)

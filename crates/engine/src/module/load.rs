@@ -13,7 +13,7 @@ use crate::module::copy_budget::CopyBudget;
 use crate::module::debug_info::DebugInfo;
 use crate::module::debug_reader::DebugReader;
 use crate::module::decoration::{Decorations, PendingDecorations};
-use crate::module::grammar::{InstructionGrammar, is_constant, is_id, walk};
+use crate::module::grammar::{InstructionGrammar, is_id, walk};
 use crate::module::id_map::{IdMap, UnknownResults};
 use crate::module::interface::{EntryPoint, Stage};
 use crate::module::span::{Span, invalid};
@@ -179,7 +179,7 @@ impl<'w> Loader<'w> {
                 self.record_unknown(span);
                 continue;
             };
-            if known.op == Opcode::Function {
+            if span.opcode == Opcode::Function {
                 return Ok(Some(span));
             }
             self.module_instruction(span, known)?;
@@ -189,10 +189,10 @@ impl<'w> Loader<'w> {
 
     fn module_instruction(&mut self, span: Span, known: &InstructionGrammar) -> Result<()> {
         let words = self.words;
-        if self.debug_instruction(span, known)? {
+        if self.debug_instruction(span)? {
             return Ok(());
         }
-        let literal_words = self.literal_words(span, known);
+        let literal_words = self.literal_words(span);
         let check_defined = |loader: &Self, at: usize| {
             let id = loader.id(at);
             if loader.module.definition(id).is_some() || loader.unknown.contains_key(&id) {
@@ -200,7 +200,7 @@ impl<'w> Loader<'w> {
             }
             Err(loader.expected(span, at, "a previously defined id"))
         };
-        if is_declaration(known) {
+        if is_declaration(span.opcode, known) {
             walk(words, span, literal_words, &mut |at, kind| {
                 if is_id(kind) { check_defined(self, at) } else { Ok(()) }
             })?;
@@ -208,7 +208,7 @@ impl<'w> Loader<'w> {
             walk(words, span, literal_words, &mut |_, _| Ok(()))?;
         }
         let first = span.start + 1;
-        match known.op {
+        match span.opcode {
             Opcode::Nop => {}
             Opcode::Capability => self.capability(first)?,
             Opcode::Extension => {
@@ -252,10 +252,10 @@ impl<'w> Loader<'w> {
             Opcode::GroupDecorate => self.pending.apply_group(words, span),
             Opcode::GroupMemberDecorate => self.pending.apply_group_to_members(words, span),
             Opcode::TypeForwardPointer => self.declare_forward_pointer(span)?,
-            Opcode::Variable | Opcode::UntypedVariableKHR => self.global_variable(span, known)?,
+            Opcode::Variable | Opcode::UntypedVariableKHR => self.global_variable(span)?,
             _ if known.name.starts_with("Type") => self.declare_type(span, known)?,
-            _ if is_constant(known.op, known.name) => self.declare_constant(span, known)?,
-            _ if is_ignored(known) => {
+            _ if known.is_constant => self.declare_constant(span, known)?,
+            _ if is_ignored(span.opcode, known) => {
                 if known.has_result {
                     self.define(first + usize::from(known.has_type), Definition::Other)?;
                 }
@@ -272,8 +272,8 @@ impl<'w> Loader<'w> {
 
     /// Passes an instruction of debug information (a name, a source, a line) to its reader; returns
     /// whether it is one.
-    pub(super) fn debug_instruction(&mut self, span: Span, known: &InstructionGrammar) -> Result<bool> {
-        match known.op {
+    pub(super) fn debug_instruction(&mut self, span: Span) -> Result<bool> {
+        match span.opcode {
             Opcode::Name
             | Opcode::MemberName
             | Opcode::Source
@@ -281,12 +281,12 @@ impl<'w> Loader<'w> {
             | Opcode::SourceExtension
             | Opcode::ModuleProcessed
             | Opcode::Line
-            | Opcode::NoLine => self.debug.core(span, known.op),
+            | Opcode::NoLine => self.debug.core(span),
             Opcode::String => {
                 if span.end > span.start + 1 {
                     self.define(span.start + 1, Definition::Other)?;
                 }
-                self.debug.core(span, known.op);
+                self.debug.core(span);
             }
             Opcode::ExtInst | Opcode::ExtInstWithForwardRefsKHR => {
                 walk(self.words, span, 1, &mut |_, _| Ok(()))?;
@@ -349,11 +349,11 @@ impl<'w> Loader<'w> {
         });
     }
 
-    fn global_variable(&mut self, span: Span, known: &InstructionGrammar) -> Result<()> {
+    fn global_variable(&mut self, span: Span) -> Result<()> {
         let first = span.start + 1;
         let pointer = self.type_at(span, first)?;
         let storage_class = self.words[first + 2];
-        let untyped = known.op == Opcode::UntypedVariableKHR;
+        let untyped = span.opcode == Opcode::UntypedVariableKHR;
         let pointee = self.variable_type(span, pointer, storage_class, untyped)?;
         if storage_class == FUNCTION_STORAGE {
             return Err(invalid(
@@ -589,17 +589,17 @@ impl<'w> Loader<'w> {
 }
 
 /// Whether the ids that an instruction of module scope names must be defined before it.
-fn is_declaration(known: &InstructionGrammar) -> bool {
-    known.op != Opcode::TypeForwardPointer
+fn is_declaration(opcode: Opcode, known: &InstructionGrammar) -> bool {
+    opcode != Opcode::TypeForwardPointer
         && (known.name.starts_with("Type")
-            || is_constant(known.op, known.name)
-            || matches!(known.op, Opcode::Variable | Opcode::UntypedVariableKHR))
+            || known.is_constant
+            || matches!(opcode, Opcode::Variable | Opcode::UntypedVariableKHR))
 }
 
 /// Whether an instruction of module scope is valid and ignored by this crate.
-fn is_ignored(known: &InstructionGrammar) -> bool {
-    known.op == Opcode::SamplerImageAddressingModeNV
-        || known.op == Opcode::AsmTargetINTEL
-        || known.op == Opcode::AsmINTEL
+fn is_ignored(opcode: Opcode, known: &InstructionGrammar) -> bool {
+    opcode == Opcode::SamplerImageAddressingModeNV
+        || opcode == Opcode::AsmTargetINTEL
+        || opcode == Opcode::AsmINTEL
         || ["Graph", "Alias", "Conditional"].iter().any(|start| known.name.starts_with(start))
 }

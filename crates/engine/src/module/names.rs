@@ -4,14 +4,7 @@ use std::borrow::Cow;
 
 use rspirv::{grammar, spirv};
 
-use crate::module::{Opcode, validate};
-
-/// The extensions that specify an instruction, by its name (`OpTraceRayMotionNV`); none for one of
-/// SPIR-V itself, and for an unknown one.
-pub fn extensions_of(name: &str) -> &'static [&'static str] {
-    let opcode = name.strip_prefix("Op").and_then(Opcode::by_name);
-    opcode.map_or(&[], validate::extensions_of)
-}
+use crate::module::validate;
 
 /// The name of a capability (`RayTracingKHR`), or `capability 1234`.
 pub fn capability_name(number: u32) -> Cow<'static, str> {

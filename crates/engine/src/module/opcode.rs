@@ -51,6 +51,16 @@ impl Opcode {
         INSTRUCTION_TABLE.iter().map(|entry| entry.opcode.into()).chain(added)
     }
 
+    /// Returns true for opcodes that define an undefined value, at module scope or in a function.
+    pub fn is_undefined(self) -> bool {
+        matches!(self, Self::Undef | Self::PoisonKHR)
+    }
+
+    /// The opcode that an operand of `OpSpecConstantOp` contains; above 16 bits an unknown one.
+    pub fn of_operand(word: u32) -> Self {
+        Self(u16::try_from(word).unwrap_or(u16::MAX))
+    }
+
     /// The opcode in the first word of an instruction.
     pub fn of_word(first: u32) -> Self {
         Self(first as u16)

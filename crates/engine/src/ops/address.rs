@@ -57,7 +57,8 @@ pub const OPCODES: &[Opcode] = &[
 ];
 
 /// Translates the instructions of this file; `false` for any other.
-pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
+pub fn translate(translator: &mut Translator<'_>, instruction: &Instruction) -> Result<bool> {
+    let opcode = instruction.opcode;
     match opcode {
         Opcode::PtrAccessChain | Opcode::InBoundsPtrAccessChain => {
             let (base, index) = (translator.id(instruction, 0)?, translator.id(instruction, 1)?);

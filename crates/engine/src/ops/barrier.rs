@@ -17,7 +17,8 @@ use anyhit_base::error::Result;
 pub const OPCODES: &[Opcode] = &[Opcode::ControlBarrier, Opcode::MemoryBarrier];
 
 /// Translates barriers; `false` for an instruction of another section.
-pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
+pub fn translate(translator: &mut Translator<'_>, instruction: &Instruction) -> Result<bool> {
+    let opcode = instruction.opcode;
     match opcode {
         Opcode::MemoryBarrier => {}
         Opcode::ControlBarrier => {

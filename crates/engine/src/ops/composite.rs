@@ -38,7 +38,8 @@ pub const OPCODES: &[Opcode] = &[
 ];
 
 /// Translates composite instructions; `false` for an instruction of another section.
-pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
+pub fn translate(translator: &mut Translator<'_>, instruction: &Instruction) -> Result<bool> {
+    let opcode = instruction.opcode;
     match opcode {
         Opcode::CompositeConstruct => {
             let ty = translator.result_type(instruction)?;

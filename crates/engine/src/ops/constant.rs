@@ -27,7 +27,7 @@ pub fn execute(translator: &mut Translator<'_>, id: Id) -> Result<()> {
                 let folded = translator.words(id)?;
                 let instruction = tail(translator, id, constant.ty, *opcode, constant.offset, operands.len());
                 let first = translator.ops.len();
-                crate::ops::translate_instruction(translator, *opcode, &instruction)?;
+                crate::ops::translate_instruction(translator, &instruction)?;
                 translator.define(id, IdValue::Words(folded));
                 let emitted = (first..translator.ops.len()).map(|op| (OpIndex::new(op), constant.offset));
                 translator.constant_operations.extend(emitted);
@@ -73,7 +73,7 @@ pub fn operation(
         return Err(translator.unsupported(format!("{opcode} in OpSpecConstantOp is not supported")));
     }
     let emitted = translator.ops.len();
-    crate::ops::translate_instruction(translator, opcode, &instruction)?;
+    crate::ops::translate_instruction(translator, &instruction)?;
     if translator.ops.len() != emitted {
         return Err(
             translator.unsupported(format!("{opcode} on operands that are not constant is not supported"))

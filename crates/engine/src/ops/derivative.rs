@@ -32,14 +32,14 @@ pub const OPCODES: &[Opcode] = &[
 ///
 /// # Errors
 /// `InvalidModule` where the entry point declares no derivative group.
-pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
+pub fn translate(translator: &mut Translator<'_>, instruction: &Instruction) -> Result<bool> {
+    let opcode = instruction.opcode;
     if !OPCODES.contains(&opcode) {
         return Ok(false);
     }
     if !translator.derivatives {
-        let name = instruction.opcode;
         return Err(translator.invalid(format!(
-            "{name} requires a fragment stage, or compute with a derivative group \
+            "{opcode} requires a fragment stage, or compute with a derivative group \
              (SPV_KHR_compute_shader_derivatives)"
         )));
     }
@@ -102,7 +102,7 @@ mod tests {
             };
             let mut translator = Translator::new(&with_operand, Stage::Compute);
             translator.derivatives = derivatives;
-            translate(&mut translator, opcode, &instruction)
+            translate(&mut translator, &instruction)
         };
         OPCODES.iter().map(of).collect()
     }

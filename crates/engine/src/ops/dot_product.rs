@@ -31,7 +31,8 @@ pub const OPCODES: &[Opcode] =
     &[Opcode::SDot, Opcode::UDot, Opcode::SUDot, Opcode::SDotAccSat, Opcode::UDotAccSat, Opcode::SUDotAccSat];
 
 /// Translates dot products of integers; `false` for any other instruction.
-pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
+pub fn translate(translator: &mut Translator<'_>, instruction: &Instruction) -> Result<bool> {
+    let opcode = instruction.opcode;
     // Signs of the components of both operands, and whether there is an accumulator.
     let ([left, right], accumulates) = match opcode {
         Opcode::SDot => ([true, true], false),
@@ -77,8 +78,8 @@ fn check(
     let module = translator.module;
     let result = translator.result_type(instruction)?;
     let invalid = |what: &str| {
-        let name = instruction.opcode;
-        Err(translator.invalid(format!("{name}: {what} (SPV_KHR_integer_dot_product)")))
+        let opcode = instruction.opcode;
+        Err(translator.invalid(format!("{opcode}: {what} (SPV_KHR_integer_dot_product)")))
     };
     let Type::Int { width: result_width, signed: result_signed } = *module.ty(result) else {
         return invalid("the result must be an integer");

@@ -66,7 +66,8 @@ pub const GLSL: &[GlslStd450Op] = &[
 ];
 
 /// Translates the instructions of this file; `false` for any other.
-pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
+pub fn translate(translator: &mut Translator<'_>, instruction: &Instruction) -> Result<bool> {
+    let opcode = instruction.opcode;
     let conversion = match opcode {
         Opcode::ConvertFToU => Some(Conversion::FToU),
         Opcode::ConvertFToS => Some(Conversion::FToS),
@@ -191,9 +192,9 @@ fn convert(translator: &mut Translator<'_>, conversion: Conversion, instruction:
     let gives_float = matches!(conversion, Conversion::SToF | Conversion::UToF | Conversion::F);
     let [source, target] = array::map([operand, ty], |ty| translator.float_format(ty));
     if source.is_some() != takes_float || target.is_some() != gives_float {
-        let name = instruction.opcode;
+        let opcode = instruction.opcode;
         let [operand, ty] = [operand, ty].map(|ty| translator.module.describe_type(ty));
-        return Err(translator.invalid(format!("{name} cannot convert {operand} to {ty} (SPIR-V 3.3.11)")));
+        return Err(translator.invalid(format!("{opcode} cannot convert {operand} to {ty} (SPIR-V 3.3.11)")));
     }
     let rounding = Rounding::of(translator, instruction.result)?;
     let modes = translator.float_controls;

@@ -130,7 +130,8 @@ impl FloatEmitter<'_, '_> {
 }
 
 /// Translates core instructions; `false` for an instruction of another section.
-pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
+pub fn translate(translator: &mut Translator<'_>, instruction: &Instruction) -> Result<bool> {
+    let opcode = instruction.opcode;
     if !OPCODES.contains(&opcode) {
         return Ok(false);
     }

@@ -100,15 +100,11 @@ pub static SECTIONS: &[&[&OpFamily]] = &[
 /// instruction with a value of a type that is not known here is never invalid: its rules are those
 /// of the type.
 #[inline]
-pub fn translate_checked(
-    translator: &mut Translator<'_>,
-    opcode: Opcode,
-    instruction: &Instruction,
-) -> Result<()> {
-    if opcode == Opcode::Nop {
+pub fn translate_checked(translator: &mut Translator<'_>, instruction: &Instruction) -> Result<()> {
+    if instruction.opcode == Opcode::Nop {
         return Ok(());
     }
-    let done = translate_instruction(translator, opcode, instruction);
+    let done = translate_instruction(translator, instruction);
     let checked = done.and_then(|()| translator.check_result(instruction));
     checked.map_err(|error| unless_opaque(translator, instruction, error))
 }
@@ -136,32 +132,29 @@ fn unless_opaque(translator: &Translator<'_>, instruction: &Instruction, error: 
 /// # Errors
 /// `InvalidModule` where it breaks a rule, `UnsupportedModule` where this crate does not run it, or
 /// does not know its opcode.
-pub fn translate_instruction(
-    translator: &mut Translator<'_>,
-    opcode: Opcode,
-    instruction: &Instruction,
-) -> Result<()> {
-    operand_types::check(translator, opcode, instruction)?;
+pub fn translate_instruction(translator: &mut Translator<'_>, instruction: &Instruction) -> Result<()> {
+    operand_types::check(translator, instruction)?;
+    let opcode = instruction.opcode;
     if let Some(family) = lane_kernel::family(InstructionSet::Core, opcode.0.into()) {
         return componentwise(translator, family, instruction, 0);
     }
     if !opcode.is_known() {
         return Err(translator.unsupported(format!("{opcode} is unknown")));
     }
-    let done = composite::translate(translator, opcode, instruction)?
-        || pointer::translate(translator, opcode, instruction)?
-        || address::translate(translator, opcode, instruction)?
-        || dot_product::translate(translator, opcode, instruction)?
-        || subgroup::translate(translator, opcode, instruction)?
-        || derivative::translate(translator, opcode, instruction)?
-        || atomic::translate(translator, opcode, instruction)?
-        || barrier::translate(translator, opcode, instruction)?
-        || linear_algebra::translate(translator, opcode, instruction)?
-        || irregular::translate(translator, opcode, instruction)?
-        || ray_tracing::translate(translator, opcode, instruction)?
-        || ray_query::translate(translator, opcode, instruction)?
-        || hit_object::translate(translator, opcode, instruction)?
-        || image::translate(translator, opcode, instruction)?;
+    let done = composite::translate(translator, instruction)?
+        || pointer::translate(translator, instruction)?
+        || address::translate(translator, instruction)?
+        || dot_product::translate(translator, instruction)?
+        || subgroup::translate(translator, instruction)?
+        || derivative::translate(translator, instruction)?
+        || atomic::translate(translator, instruction)?
+        || barrier::translate(translator, instruction)?
+        || linear_algebra::translate(translator, instruction)?
+        || irregular::translate(translator, instruction)?
+        || ray_tracing::translate(translator, instruction)?
+        || ray_query::translate(translator, instruction)?
+        || hit_object::translate(translator, instruction)?
+        || image::translate(translator, instruction)?;
     if done {
         return Ok(());
     }

@@ -10,7 +10,7 @@ mod rules;
 
 use std::borrow::Cow;
 
-use crate::module::names::{ext_inst_name, extensions_of};
+use crate::module::names::ext_inst_name;
 use crate::module::ty::{Type, TypeId};
 use crate::module::{Definition, Id, Instruction, Module, Opcode};
 use crate::ops::translate::Translator;
@@ -101,7 +101,8 @@ struct Numeric {
 ///
 /// # Errors
 /// `InvalidModule`
-pub fn check(translator: &Translator<'_>, opcode: Opcode, instruction: &Instruction) -> Result<()> {
+pub fn check(translator: &Translator<'_>, instruction: &Instruction) -> Result<()> {
+    let opcode = instruction.opcode;
     let operands = translator.operands(instruction);
     let (rule, operands, name) = match (opcode, operands) {
         (Opcode::ExtInst, &[set, number, ref operands @ ..]) => {
@@ -149,12 +150,15 @@ pub fn check(translator: &Translator<'_>, opcode: Opcode, instruction: &Instruct
     Ok(())
 }
 
-/// Where the specifications tell what the operands of an instruction are.
-fn section_of(name: &str) -> String {
-    match extensions_of(name) {
-        [] if name.starts_with("Op") => format!("SPIR-V, 3.3, {name}"),
-        [] => format!("GLSL.std.450, {name}"),
-        extensions => format!("{}, {name}", extensions.join(", ")),
+/// Section of a specification about the operands of an instruction.
+fn section_of(name: InstructionName<'_>) -> String {
+    let text = name.text();
+    match name {
+        InstructionName::Extended { .. } => format!("GLSL.std.450, {text}"),
+        InstructionName::Opcode(opcode) => match opcode.extensions() {
+            [] => format!("SPIR-V, 3.3, {text}"),
+            extensions => format!("{}, {text}", extensions.join(", ")),
+        },
     }
 }
 
@@ -201,11 +205,11 @@ impl PositionChecker<'_, '_> {
         }
         let module = self.translator.module;
         let found = module.describe_type(ty);
-        let name = &*self.name.text();
+        let name = self.name.text();
         let needed = self.describe(constraint);
         let which = if at == 0 { "the result".to_owned() } else { format!("operand {at}") };
         let message = format!("{which} of {name} is of type {found} instead of {needed}");
-        Err(self.translator.invalid(message).note(section_of(name)))
+        Err(self.translator.invalid(message).note(section_of(self.name)))
     }
 
     /// Whether a type satisfies a constraint; unchecked types satisfy all.

@@ -574,7 +574,8 @@ fn alignment(translator: &Translator<'_>, instruction: &Instruction, at: usize) 
 }
 
 /// Translates the memory instructions; `false` for an instruction of another section.
-pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
+pub fn translate(translator: &mut Translator<'_>, instruction: &Instruction) -> Result<bool> {
+    let opcode = instruction.opcode;
     match opcode {
         Opcode::Load => {
             let id = translator.id(instruction, 0)?;

@@ -269,8 +269,8 @@ mod tests {
     /// Whether the sections' translators refuse an opcode as one that none of them knows.
     ///
     /// The operands are ids that nothing defines, so that every other outcome is another error.
-    fn is_refused(number: Opcode) -> bool {
-        if number == Opcode::Nop {
+    fn is_refused(opcode: Opcode) -> bool {
+        if opcode == Opcode::Nop {
             return false;
         }
         let mut a = Assembler::new();
@@ -279,19 +279,18 @@ mod tests {
         let start = module.words.len() as u32;
         module.words.extend([u32::MAX; 16]);
         let instruction = Instruction {
-            opcode: number,
+            opcode,
             offset: 0,
             result_type: Some(Id(u32::MAX)),
             result: Some(Id(u32::MAX)),
             operands: start..start + 16,
         };
         let mut translator = Translator::new(&module, Stage::ClosestHit);
-        let name = number;
-        match translate_instruction(&mut translator, number, &instruction) {
+        match translate_instruction(&mut translator, &instruction) {
             Ok(()) => false,
             Err(error) => {
                 error.kind() == ErrorKind::UnsupportedModule
-                    && error.message() == format!("{name} is not supported")
+                    && error.message() == format!("{opcode} is not supported")
             }
         }
     }

@@ -20,7 +20,7 @@ use crate::pipeline::stats::Stats;
 use crate::pipeline::tasks::{TaskQueue, TaskResults};
 use crate::pipeline::trapped::{Trapped, spent_together, timed_out};
 use crate::pipeline::workgroup::{InvocationLimits, Observers, WorkgroupRunner};
-use crate::pipeline::{DEFAULT_FUEL, Event, check_subgroup_size};
+use crate::pipeline::{DEFAULT_FUEL, Event, Pipeline, check_subgroup_size};
 use crate::program::race_analysis::{self, LaunchExtent, Memory};
 use crate::program::{Program, WorkgroupLayout};
 use anyhit_base::error::{Error, ErrorKind, Result};
@@ -194,6 +194,17 @@ impl Compute {
     /// that has one, and in it of the lowest `LocalInvocationIndex`.
     pub fn run(&self, resources: &Resources, groups: [u32; 3], options: RunOptions<'_>) -> Result<Stats> {
         self.run_to_trap(resources, groups, options)?.map_err(|trapped| trapped.error)
+    }
+
+    /// Returns a pipeline with its shader, for names and explanations.
+    ///
+    /// # Errors
+    /// As [`PipelineBuilder::build`](crate::pipeline::PipelineBuilder::build).
+    #[doc(hidden)]
+    pub fn as_pipeline(&self) -> Result<Pipeline> {
+        let mut builder = Pipeline::builder();
+        builder.shader(self.program.clone());
+        builder.build()
     }
 
     /// Runs as [`Compute::run`] does under observers: in the order of the workgroups, on one

@@ -530,19 +530,10 @@ impl<'m> Lowering<'m> {
             Opcode::Phi | Opcode::LoopMerge | Opcode::SelectionMerge => Ok(()),
             Opcode::Variable => self.variable(instruction),
             Opcode::FunctionCall => self.call(instruction),
-            Opcode::Branch
-            | Opcode::BranchConditional
-            | Opcode::Switch
-            | Opcode::Kill
-            | Opcode::Return
-            | Opcode::ReturnValue
-            | Opcode::Unreachable
-            | Opcode::TerminateInvocation
-            | Opcode::IgnoreIntersectionKHR
-            | Opcode::TerminateRayKHR => self.terminator(instruction, site),
             Opcode::IgnoreIntersectionNV => self.exit(Exit::Ignored),
             Opcode::TerminateRayNV => self.exit(Exit::Terminated),
-            number => translate_checked(&mut self.translator, number, instruction),
+            opcode if opcode.ends_block() => self.terminator(instruction, site),
+            _ => translate_checked(&mut self.translator, instruction),
         }?;
         self.translator.check_operations()
     }

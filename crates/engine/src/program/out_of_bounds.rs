@@ -292,10 +292,9 @@ impl Program {
     /// The source expression of what an `OpStore` writes to; `None` for other operations.
     #[doc(hidden)]
     pub fn stored_path(&self, op: OpIndex) -> Option<String> {
-        const STORE: u32 = 62;
         let words = self.module.words.get(self.origins.get(op.index())?.offset as usize..)?;
         match words {
-            [head, pointer, ..] if head & 0xFFFF == STORE => self.path(Id(*pointer)),
+            [head, pointer, ..] if Opcode::of_word(*head) == Opcode::Store => self.path(Id(*pointer)),
             _ => None,
         }
     }

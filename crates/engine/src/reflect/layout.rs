@@ -70,9 +70,14 @@ impl<'a> Layout<'a> {
                 Some(layout) => spread(*count as usize, layout.stride as usize, self.part(*column).size()),
                 None => self.part(*column).size().saturating_mul(*count as usize),
             },
-            Type::Array { element, length, .. } => match array_length(self.module, *length) {
+            Type::Array { element, length, stride } => match array_length(self.module, *length) {
                 0 => 0,
-                length => spread(length, self.stride(), self.part(*element).size()),
+                length => {
+                    // Once, as arrays nest.
+                    let size = self.part(*element).size();
+                    let stride = stride.filter(|_| self.explicit()).map_or(size, |stride| stride as usize);
+                    spread(length, stride, size)
+                }
             },
             Type::Struct { members, .. } if !self.explicit() => {
                 let sizes = members.iter().map(|member| self.part(member.ty).size());
@@ -315,5 +320,29 @@ fn scalar_size(width: u32, rules: Rules) -> usize {
     match rules {
         Rules::Packed => width.div_ceil(32) as usize * 4,
         Rules::Explicit => width as usize / 8,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::module::assemble::Assembler;
+    use crate::module::{Id, Opcode};
+
+    /// Arrays nest 200 deep; the size of each is that of its element.
+    #[test]
+    fn nested_arrays_are_measured_once() {
+        let mut a = Assembler::new();
+        a.types();
+        a.op(Opcode::Constant, &[5, 20, 1]);
+        for depth in 0..200 {
+            let element = if depth == 0 { 6 } else { 100 + depth - 1 };
+            a.op(Opcode::TypeArray, &[100 + depth, element, 20]);
+        }
+        let module = a.loaded();
+        let outermost = module.type_with_id(Id(299)).unwrap();
+        for rules in [Rules::Packed, Rules::Explicit] {
+            assert_eq!(Layout::new(&module, outermost, rules).size(), 4, "{rules:?}");
+        }
     }
 }

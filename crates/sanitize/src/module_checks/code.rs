@@ -57,8 +57,8 @@ impl<'a> EntryCode<'a> {
         Self { module, entry, instructions, variables: module.interface_of(entry), arguments }
     }
 
-    /// The opcodes, instructions and operand words of all instructions.
-    pub(crate) fn known(&self) -> impl Iterator<Item = (Opcode, &'a Instruction, &'a [u32])> {
+    /// Opcode, instruction and operand words of each instruction.
+    pub(crate) fn with_operands(&self) -> impl Iterator<Item = (Opcode, &'a Instruction, &'a [u32])> {
         let module = self.module;
         let all = self.instructions.iter();
         all.map(move |&instruction| (instruction.opcode, instruction, module.operands(instruction)))
@@ -66,7 +66,7 @@ impl<'a> EntryCode<'a> {
 
     /// All accesses to memory and to the texels of storage images.
     pub(crate) fn accesses(&self) -> impl Iterator<Item = MemoryAccess> {
-        self.known().flat_map(|(opcode, instruction, operands)| {
+        self.with_operands().flat_map(|(opcode, instruction, operands)| {
             let mut all = SmallVec::<[MemoryAccess; 2]>::new();
             let mut add = |at: usize, reads: bool, writes: bool| {
                 let Some(&pointer) = operands.get(at) else { return };

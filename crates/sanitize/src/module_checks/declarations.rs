@@ -82,7 +82,7 @@ pub(super) fn payload_aliasing(code: &EntryCode<'_>, faults: &mut Vec<Fault>) {
         others.into_iter().any(|instruction| code.module.operand_ids(instruction).contains(variable))
     };
     let Some(forgotten) = own.iter().find(|variable| !passes(variable)) else { return };
-    for (opcode, instruction, operands) in code.known() {
+    for (opcode, instruction, operands) in code.with_operands() {
         let Some(&payload) = operands.last().filter(|_| opcode == Opcode::TraceRayKHR) else { continue };
         if code.storage_class(Id(payload)) == Some(storage::INCOMING_RAY_PAYLOAD) {
             let [payload, forgotten] = [Id(payload), *forgotten].map(|id| code.describe(Part::Variable(id)));
@@ -102,7 +102,7 @@ pub(super) fn no_repack_mode(code: &EntryCode<'_>, faults: &mut Vec<Fault>) {
     let mut modes = code.entry.modes.iter().map(|(mode, _)| *mode);
     let Some(mode) = modes.find(|mode| [MAXIMALLY_RECONVERGES, uniform].contains(mode)) else { return };
     let mode = if mode == uniform { execution_mode_name(mode) } else { "MaximallyReconvergesKHR".into() };
-    if let Some((opcode, instruction, _)) = code.known().find(|(opcode, ..)| repacks(*opcode)) {
+    if let Some((opcode, instruction, _)) = code.with_operands().find(|(opcode, ..)| repacks(*opcode)) {
         let message = format!("{} in an entry point of mode {mode}", opcode);
         faults.push(Fault { offset: instruction.offset, message });
     }
@@ -111,7 +111,7 @@ pub(super) fn no_repack_mode(code: &EntryCode<'_>, faults: &mut Vec<Fault>) {
 /// Reorderings whose hint has bits that are not used.
 pub(super) fn reorder_hint_bits(code: &EntryCode<'_>, faults: &mut Vec<Fault>) {
     const HINT_BITS: u64 = 32;
-    for (opcode, instruction, operands) in code.known() {
+    for (opcode, instruction, operands) in code.with_operands() {
         let Some(at) = hint_operand(opcode) else { continue };
         let greatest = |at: usize| {
             let constants = possible_constants(code.module, Id(*operands.get(at)?))?;
@@ -190,7 +190,7 @@ fn lacks_transform(mode: FastMath) -> bool {
 }
 
 pub(super) fn bitop_width(code: &EntryCode<'_>, faults: &mut Vec<Fault>) {
-    for (opcode, instruction, operands) in code.known() {
+    for (opcode, instruction, operands) in code.with_operands() {
         let counts = matches!(
             opcode,
             Opcode::BitCount
@@ -217,7 +217,7 @@ fn width(module: &Module, ty: TypeId) -> Option<u32> {
 
 /// That the constant is from 0 to 3 is checked where the gather is executed.
 pub(super) fn gather_component(code: &EntryCode<'_>, faults: &mut Vec<Fault>) {
-    for (opcode, instruction, operands) in code.known() {
+    for (opcode, instruction, operands) in code.with_operands() {
         if !matches!(opcode, Opcode::ImageGather | Opcode::ImageSparseGather) {
             continue;
         }

@@ -11,7 +11,7 @@ const BEFORE_OFFSET: [(u32, usize); 4] = [(0x1, 1), (0x2, 1), (0x4, 2), (0x8, 1)
 const OFFSET: u32 = 0x10;
 
 pub(super) fn sample_operand(code: &EntryCode<'_>, faults: &mut Vec<Fault>) {
-    for (opcode, instruction, operands) in code.known() {
+    for (opcode, instruction, operands) in code.with_operands() {
         let (Opcode::ImageTexelPointer, &[pointer, _, sample]) = (opcode, operands) else { continue };
         let image = code.module.pointee(Id(pointer)).map(|ty| code.module.ty(ty));
         let Some(Type::Image(image)) = image else { continue };
@@ -23,7 +23,7 @@ pub(super) fn sample_operand(code: &EntryCode<'_>, faults: &mut Vec<Fault>) {
 }
 
 pub(super) fn dynamic_offset(code: &EntryCode<'_>, faults: &mut Vec<Fault>) {
-    for (opcode, instruction, operands) in code.known() {
+    for (opcode, instruction, operands) in code.with_operands() {
         let mask_at = match opcode {
             Opcode::ImageSampleImplicitLod
             | Opcode::ImageSampleExplicitLod

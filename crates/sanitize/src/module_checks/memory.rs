@@ -63,9 +63,9 @@ pub(super) fn as_load_source(code: &EntryCode<'_>, faults: &mut Vec<Fault>) {
         Some(Definition::Constant(at)) => {
             matches!(module.constants[at as usize].value, ConstantValue::Undef)
         }
-        _ => code.result(id).is_some_and(|instruction| instruction.opcode == Opcode::Undef),
+        _ => code.result(id).is_some_and(|instruction| instruction.opcode.is_undefined()),
     };
-    for (opcode, instruction, operands) in code.known() {
+    for (opcode, instruction, operands) in code.with_operands() {
         let class = operands.first().and_then(|&pointer| code.storage_class(Id(pointer)));
         let message = match (opcode, class) {
             (Opcode::Load, Some(class))
@@ -142,7 +142,7 @@ pub(super) fn aligned_operand(code: &EntryCode<'_>, faults: &mut Vec<Fault>) {
     if code.module.memory_model.0 != PHYSICAL_ADDRESSING {
         return;
     }
-    for (opcode, instruction, operands) in code.known() {
+    for (opcode, instruction, operands) in code.with_operands() {
         let (pointers, mask_at) = match opcode {
             Opcode::Load => (&operands[..1], 1),
             Opcode::Store => (&operands[..1], 2),
@@ -232,7 +232,7 @@ fn largest_scalar(module: &Module, ty: TypeId) -> u32 {
 }
 
 pub(super) fn pointer_convert(code: &EntryCode<'_>, faults: &mut Vec<Fault>) {
-    for (opcode, instruction, operands) in code.known() {
+    for (opcode, instruction, operands) in code.with_operands() {
         let integer = match opcode {
             Opcode::ConvertPtrToU => instruction.result,
             Opcode::ConvertUToPtr => operands.first().map(|&operand| Id(operand)),

@@ -36,7 +36,7 @@ impl Ordering {
 
 /// All barriers and atomic instructions.
 fn orderings(code: &EntryCode<'_>) -> impl Iterator<Item = Ordering> {
-    code.known().filter_map(|(opcode, instruction, operands)| {
+    code.with_operands().filter_map(|(opcode, instruction, operands)| {
         let scope_at = match opcode {
             Opcode::MemoryBarrier => 0,
             Opcode::ControlBarrier => 1,

@@ -53,7 +53,7 @@ pub(super) fn volatile_load(code: &EntryCode<'_>, faults: &mut Vec<Fault>) {
         may_be_repacked(stage) && SUBGROUP_BUILTINS.contains(builtin)
             || stage == Stage::Intersection && *builtin == RAY_T_MAX
     };
-    for (opcode, instruction, operands) in code.known() {
+    for (opcode, instruction, operands) in code.with_operands() {
         let is_volatile = operands.get(1).is_some_and(|mask| mask & MemoryAccess::VOLATILE.bits() != 0);
         if opcode != Opcode::Load || is_volatile {
             continue;

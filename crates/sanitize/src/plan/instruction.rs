@@ -27,7 +27,7 @@ impl<'m> InstructionWords<'m> {
     /// Of an `OpSpecConstantOp`, the instruction with the opcode of its operation, which follows
     /// the result and precedes the operands.
     pub(super) fn computed_constant(self) -> Self {
-        Self { opcode: self.words.get(3).map_or(Opcode::Nop, |&opcode| Opcode::of_word(opcode)), ..self }
+        Self { opcode: self.words.get(3).map_or(Opcode::Nop, |&opcode| Opcode::of_operand(opcode)), ..self }
     }
 
     /// The instruction, where checks can be about it.

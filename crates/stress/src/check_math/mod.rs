@@ -21,6 +21,7 @@ use crate::check_math::float_width::FloatWidth;
 use crate::check_math::function::{CheckedFunction, ReferenceValue};
 use crate::check_math::inputs::Inputs;
 use crate::check_math::judge::Judgement;
+use anyhit_base::progress::Work;
 use anyhit_engine::machine::{Reg, Registers};
 use anyhit_engine::ops::lane_kernel::{LaneKernel, Width};
 
@@ -87,25 +88,24 @@ fn from_seconds<'de, D: Deserializer<'de>>(from: D) -> Result<Duration, D::Error
     Duration::try_from_secs_f64(f64::deserialize(from)?).map_err(D::Error::custom)
 }
 
-/// Tests one function at one width. `progress` is called from any thread with the number of inputs
-/// that were just tested and the number of all.
+/// Tests one function at one width.
 pub fn run(
     function: &'static CheckedFunction,
     format: FloatWidth,
     settings: &CheckMathSettings,
-    progress: impl Fn(u64, u64) + Sync,
 ) -> CheckMathReport {
     let begin = Instant::now();
     let kernel = function.kernel(format).expect("a function that exists for this float type");
     let inputs = Inputs::of(function, format, settings);
     let total = inputs.count();
+    let work = Work::counted(function.name, total);
     let found = (0..total.div_ceil(BLOCK))
         .into_par_iter()
         .map(|block| {
             let range = block * BLOCK..((block + 1) * BLOCK).min(total);
             let count = range.end - range.start;
             let found = run_block(function, format, kernel, &inputs, range);
-            progress(count, total);
+            work.advance(count);
             found
         })
         .reduce(BlockResult::default, BlockResult::merge);
@@ -208,8 +208,7 @@ mod tests {
 
     fn right(format: FloatWidth, settings: &CheckMathSettings, wanted: impl Fn(&CheckedFunction) -> bool) {
         let asked = FUNCTIONS.iter().filter(|function| wanted(function) && function.exists(format));
-        let reports: Vec<CheckMathReport> =
-            asked.map(|function| run(function, format, settings, |_, _| ())).collect();
+        let reports: Vec<CheckMathReport> = asked.map(|function| run(function, format, settings)).collect();
         assert!(!reports.is_empty() && reports.iter().all(|report| report.inputs > 0));
         let wrong: Vec<&CheckMathReport> = reports.iter().filter(|report| report.wrong > 0).collect();
         assert!(wrong.is_empty(), "{wrong:#x?}");

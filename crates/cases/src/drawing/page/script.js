@@ -442,11 +442,14 @@
     for (const id of ["exposure", "normalize", "reset"]) by(id).disabled = !isExposed;
     planes.forEach((frame) => exposeIn(frame).catch(() => {}));
   }
+  let exposure = 0;
   const setStops = (value) => {
     stops = Math.round(10 * Math.min(MOST_STOPS, Math.max(-MOST_STOPS, value))) / 10;
     by("exposure").value = stops;
     by("stops").textContent = `${stops > 0 ? "+" : ""}${stops.toFixed(1)} EV`;
-    expose();
+    // The slider moves faster than large pictures are exposed.
+    cancelAnimationFrame(exposure);
+    exposure = requestAnimationFrame(expose);
   };
   // The exposure at which the greatest number of the first picture is about 1.
   const normalize = async () => {
@@ -454,7 +457,7 @@
     const most = numbers.reduce((most, number) => (Number.isFinite(number) && number > most ? number : most), 0);
     if (most > 0) setStops(Math.floor(-10 * Math.log2(most)) / 10);
   };
-  // Browsers hold no larger pictures in memory gladly.
+  // Larger pictures take too much memory.
   by("exposing").hidden = data.pictures.length === 0 || width * height > 2 ** 24;
   by("exposure").addEventListener("input", () => setStops(by("exposure").valueAsNumber));
   by("normalize").addEventListener("click", normalize);

@@ -3,7 +3,6 @@
 use rspirv::spirv::Capability;
 use rustc_hash::FxHashSet;
 
-use crate::module::grammar::InstructionGrammar;
 use crate::module::validate::entry::Kind;
 use crate::module::validate::requirement::Requirement;
 use crate::module::words::Walker;
@@ -36,9 +35,9 @@ impl<'m> Declared<'m> {
         let mut open = Vec::new();
         let mut extensions = 0;
         while let Ok(Some(span)) = walker.next() {
-            match InstructionGrammar::of(span.opcode).map(|known| known.op) {
-                Some(Opcode::Capability) => open.push(module.words[span.start + 1]),
-                Some(Opcode::Extension) => extensions += 1,
+            match span.opcode {
+                Opcode::Capability => open.push(module.words[span.start + 1]),
+                Opcode::Extension => extensions += 1,
                 _ => break,
             }
         }

@@ -8,7 +8,7 @@ use crate::module::{Id, Module, Opcode};
 /// The id that an instruction is about: its result, else the id that it decorates or executes.
 pub(super) fn subject(module: &Module, span: Span) -> Option<Id> {
     let known = InstructionGrammar::of(span.opcode)?;
-    let at = match known.op {
+    let at = match span.opcode {
         _ if known.has_result => span.start + 1 + usize::from(known.has_type),
         Opcode::Decorate
         | Opcode::DecorateId

@@ -37,7 +37,7 @@ mod requirements;
 mod runtime_array;
 mod universal;
 
-pub(crate) use requirement::{capability_name, extensions_of};
+pub(crate) use requirement::capability_name;
 
 use serde::Serialize;
 

@@ -72,8 +72,7 @@ impl Requirement {
 
     /// Requirements of an enumerant, or of one bit of a mask; `None` of an unknown one.
     pub(super) fn of_enumerant(kind: Kind, number: u32) -> Option<Self> {
-        let added = ENUMERANTS.iter().find(|(of, _)| *of == kind).map_or(&[][..], |(_, entries)| entries);
-        let found = added.iter().find(|entry| entry.number == number).map(Self::of_entry);
+        let found = added_enumerants(kind).iter().find(|entry| entry.number == number).map(Self::of_entry);
         let found = found.or_else(|| {
             let operand = operand(kind, number)?;
             let name = bit_name(kind, number).map_or_else(|| operand.to_string(), capitalised);
@@ -93,18 +92,24 @@ impl Requirement {
     }
 }
 
-/// The extensions that specify an instruction; none of one of SPIR-V itself. Those of an
-/// instruction that rspirv lacks are those of its first capability.
-pub(crate) fn extensions_of(opcode: Opcode) -> &'static [&'static str] {
-    if let Some(known) = INSTRUCTION_TABLE.iter().find(|known| opcode == known.opcode.into()) {
-        return known.extensions;
+/// Enumerants of a kind that rspirv lacks, or has with other requirements.
+fn added_enumerants(kind: Kind) -> &'static [Entry] {
+    ENUMERANTS.iter().find(|(of, _)| *of == kind).map_or(&[], |(_, entries)| entries)
+}
+
+impl Opcode {
+    /// Extensions that specify the instruction; empty for core instructions. For an instruction that
+    /// rspirv lacks, those of its first capability.
+    pub(crate) fn extensions(self) -> &'static [&'static str] {
+        if let Some(known) = INSTRUCTION_TABLE.iter().find(|known| self == known.opcode.into()) {
+            return known.extensions;
+        }
+        let entry = OPCODES.iter().find(|entry| entry.number == u32::from(self.0));
+        let capability = entry.and_then(|entry| entry.capabilities.first());
+        let mut capabilities = added_enumerants(Kind::Capability).iter();
+        let found = capabilities.find(|entry| Some(&entry.number) == capability);
+        found.map_or(&[], |entry| entry.extensions)
     }
-    let entry = OPCODES.iter().find(|entry| entry.number == u32::from(opcode.0));
-    let capability = entry.and_then(|entry| entry.capabilities.first());
-    let capabilities =
-        ENUMERANTS.iter().find(|(kind, _)| *kind == Kind::Capability).map_or(&[][..], |(_, all)| all);
-    let found = capabilities.iter().find(|entry| Some(&entry.number) == capability);
-    found.map_or(&[], |entry| entry.extensions)
 }
 
 /// The name of a capability, those included that rspirv does not know.

@@ -4,6 +4,7 @@ use pretty_assertions::assert_eq;
 use rspirv::spirv::Capability as C;
 
 use crate::module::assemble::Assembler;
+use crate::module::validate::grammar_delta::OPCODES;
 use crate::module::validate::{ValidationClass, ValidationFinding};
 use crate::module::{Module, Opcode};
 use anyhit_base::error::ErrorKind;
@@ -189,6 +190,13 @@ fn names_newer_than_rspirv_have_requirements() {
             (abort, "OpAbortKHR", "declare `OpCapability AbortKHR`"),
         ]
     );
+}
+
+/// A finding names the opcode of its instruction, so the tables must have it.
+#[test]
+fn opcodes_with_other_requirements_are_known() {
+    let unknown: Vec<_> = OPCODES.iter().filter(|entry| !Opcode(entry.number as u16).is_known()).collect();
+    assert_eq!(unknown.iter().map(|entry| entry.name).collect::<Vec<_>>(), [""; 0]);
 }
 
 /// VUID-StandaloneSpirv-OpTypeRuntimeArray-04680 names the capability.

@@ -174,10 +174,7 @@ impl Pass<'_> {
     }
 
     fn opcode(&mut self, span: Span, requirement: &Requirement) {
-        let name = match span.opcode.is_known() {
-            true => span.opcode.to_string(),
-            false => format!("Op{}", requirement.name),
-        };
+        let name = span.opcode.to_string();
         let rule = format!("SPIR-V grammar, {name}");
         let place = (span.start, self.subject(span));
         // SPV_AMD_shader_ballot adds these without a capability.

@@ -9,7 +9,7 @@ use crate::module::validate::explicit_layout::{
     LayoutFault, PHYSICAL_STORAGE_BUFFER, RUNTIME_ARRAY, STORAGE_BUFFER, UNIFORM,
 };
 use crate::module::words::Walker;
-use crate::module::{Id, Module};
+use crate::module::{Id, Module, Opcode};
 
 const UNIFORM_CONSTANT: u32 = 0;
 
@@ -42,7 +42,9 @@ fn word_of(module: &Module, id: Id) -> usize {
     let mut walker = Walker::new(&module.words, module.limits);
     while let Ok(Some(span)) = walker.next() {
         // Types have their id first.
-        if module.words.get(span.start + 1) == Some(&id.0) && (19..=33).contains(&span.opcode.0) {
+        if module.words.get(span.start + 1) == Some(&id.0)
+            && (Opcode::TypeVoid..=Opcode::TypeFunction).contains(&span.opcode)
+        {
             return span.start;
         }
     }

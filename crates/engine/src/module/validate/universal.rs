@@ -65,14 +65,14 @@ impl<'m> Universal<'m> {
 
     pub(super) fn instruction(&mut self, span: Span) {
         let Some(known) = InstructionGrammar::of(span.opcode) else { return };
-        match known.op {
+        match span.opcode {
             Opcode::Extension => self.extension(span),
             Opcode::ExtInstImport => self.import(span),
             Opcode::Capability => self.capability(span),
             Opcode::TypeInt | Opcode::TypeFloat => self.number_type(span),
             Opcode::TypeImage => self.image_type(span),
             Opcode::TypeCooperativeMatrixKHR | Opcode::TypeCooperativeMatrixNV => self.matrix_type(span),
-            Opcode::Variable | Opcode::UntypedVariableKHR => self.variable(span, known.op),
+            Opcode::Variable | Opcode::UntypedVariableKHR => self.variable(span),
             Opcode::ImageRead | Opcode::ImageSparseRead => {
                 self.image_access(span, self.word(span, 3), C::StorageImageReadWithoutFormat);
             }
@@ -80,7 +80,7 @@ impl<'m> Universal<'m> {
                 self.image_access(span, self.word(span, 1), C::StorageImageWriteWithoutFormat)
             }
             Opcode::Phi | Opcode::Select => self.pointer_result(span),
-            Opcode::PtrAccessChain | Opcode::InBoundsPtrAccessChain => self.pointer_access(span, known.op),
+            Opcode::PtrAccessChain | Opcode::InBoundsPtrAccessChain => self.pointer_access(span),
             Opcode::PtrEqual | Opcode::PtrNotEqual | Opcode::PtrDiff => self.pointer_comparison(span),
             Opcode::FunctionCall => self.call(span),
             Opcode::SpecConstantOp => self.spec_constant_op(span),
@@ -90,7 +90,7 @@ impl<'m> Universal<'m> {
             _ => {}
         }
         if self.restricted != 0 {
-            self.small_result(span, known.op);
+            self.small_result(span);
         }
     }
 
@@ -100,8 +100,8 @@ impl<'m> Universal<'m> {
         let Some(known) = InstructionGrammar::of(span.opcode) else { return };
         let executes = known.name.starts_with("Group")
             || known.name.starts_with("TypeCooperative")
-            || known.op == Opcode::ReadClockKHR
-            || known.op == Opcode::ControlBarrier && at == span.start + 1;
+            || span.opcode == Opcode::ReadClockKHR
+            || span.opcode == Opcode::ControlBarrier && at == span.start + 1;
         if scope == DEVICE && !executes && self.declared.has(C::VulkanMemoryModel as u32) {
             let what = "the memory scope Device of the Vulkan memory model";
             self.require(span, what, &[C::VulkanMemoryModelDeviceScope], UNIVERSAL);
@@ -199,9 +199,9 @@ impl<'m> Universal<'m> {
         }
     }
 
-    fn variable(&mut self, span: Span, op: Opcode) {
+    fn variable(&mut self, span: Span) {
         let class = self.word(span, 3);
-        let pointee = match op {
+        let pointee = match span.opcode {
             Opcode::UntypedVariableKHR => (span.start + 4 < span.end)
                 .then(|| self.module.type_with_id(Id(self.word(span, 4))))
                 .flatten(),
@@ -298,7 +298,7 @@ impl<'m> Universal<'m> {
         else {
             return;
         };
-        let name = span.opcode;
+        let opcode = span.opcode;
         if sampled == 2 {
             let by_dimension = match dim {
                 DIM_1D => Some(("1D", C::Image1D)),
@@ -308,16 +308,16 @@ impl<'m> Universal<'m> {
                 _ => None,
             };
             if let Some((dim, capability)) = by_dimension {
-                let what = format!("{name} of a storage image of Dim {dim}");
+                let what = format!("{opcode} of a storage image of Dim {dim}");
                 self.require(span, &what, &[capability], "SPIR-V 3.11, Dim");
             }
             if multisampled && arrayed {
-                let what = format!("{name} of a multisampled storage image with layers");
+                let what = format!("{opcode} of a multisampled storage image with layers");
                 self.require(span, &what, &[C::ImageMSArray], "SPIR-V, capability ImageMSArray");
             }
         }
         if format == 0 && dim != SUBPASS_DATA {
-            let what = format!("{name} of a storage image of Image Format Unknown");
+            let what = format!("{opcode} of a storage image of Image Format Unknown");
             let rule = format!("SPIR-V, capability {without_format:?}");
             self.require(span, &what, &[without_format], &rule);
         }
@@ -352,27 +352,27 @@ impl<'m> Universal<'m> {
         }
     }
 
-    fn pointer_access(&mut self, span: Span, op: Opcode) {
-        let name = span.opcode;
-        if op == Opcode::PtrAccessChain && self.is_logical() {
-            self.require(span, &name.to_string(), VARIABLE_POINTERS, UNIVERSAL);
+    fn pointer_access(&mut self, span: Span) {
+        let opcode = span.opcode;
+        if span.opcode == Opcode::PtrAccessChain && self.is_logical() {
+            self.require(span, &opcode.to_string(), VARIABLE_POINTERS, UNIVERSAL);
         }
         let class = self.storage_class(self.word(span, 3));
-        if op == Opcode::PtrAccessChain && class == Some(S::Workgroup as u32) {
-            let what = format!("{name} in Workgroup");
+        if span.opcode == Opcode::PtrAccessChain && class == Some(S::Workgroup as u32) {
+            let what = format!("{opcode} in Workgroup");
             self.require(span, &what, &[C::VariablePointers], "VUID-StandaloneSpirv-Base-07651");
-        } else if op == Opcode::PtrAccessChain && class == Some(S::StorageBuffer as u32) {
-            let what = format!("{name} in StorageBuffer");
+        } else if span.opcode == Opcode::PtrAccessChain && class == Some(S::StorageBuffer as u32) {
+            let what = format!("{opcode} in StorageBuffer");
             self.require(span, &what, VARIABLE_POINTERS, "VUID-StandaloneSpirv-Base-07652");
         }
     }
 
     fn pointer_comparison(&mut self, span: Span) {
         if self.is_logical() {
-            let name = span.opcode;
-            self.require(span, &name.to_string(), VARIABLE_POINTERS, UNIVERSAL);
+            let opcode = span.opcode;
+            self.require(span, &opcode.to_string(), VARIABLE_POINTERS, UNIVERSAL);
             if self.storage_class(self.word(span, 3)) == Some(S::Workgroup as u32) {
-                let what = format!("{name} of pointers to Workgroup");
+                let what = format!("{opcode} of pointers to Workgroup");
                 self.require(span, &what, &[C::VariablePointers], UNIVERSAL);
             }
         }
@@ -391,14 +391,13 @@ impl<'m> Universal<'m> {
     }
 
     fn spec_constant_op(&mut self, span: Span) {
-        let Some(inner) =
-            self.module.words.get(span.start + 3).and_then(|&word| InstructionGrammar::of_word(word))
-        else {
+        let inner = Opcode::of_operand(self.word(span, 3));
+        if !inner.is_known() {
             return;
-        };
-        let what = format!("OpSpecConstantOp of Op{}", inner.name);
+        }
+        let what = format!("OpSpecConstantOp of {inner}");
         let rule = "SPIR-V, OpSpecConstantOp";
-        match inner.op {
+        match inner {
             Opcode::QuantizeToF16 => self.require(span, &what, &[C::Shader], rule),
             Opcode::UConvert => {
                 let is_allowed = self.declared.version >= 4
@@ -453,18 +452,18 @@ impl<'m> Universal<'m> {
     }
 
     fn atomic(&mut self, span: Span, has_result: bool) {
-        let name = span.opcode;
+        let opcode = span.opcode;
         let pointer = self.word(span, if has_result { 3 } else { 1 });
         let result = has_result.then(|| self.module.type_with_id(Id(self.word(span, 1)))).flatten();
         let stored = || self.module.type_of(Id(self.word(span, 4)));
         let data = self.module.pointee(Id(pointer)).or(result);
-        let data = data.or_else(|| (name == Opcode::AtomicStore).then(stored).flatten());
+        let data = data.or_else(|| (opcode == Opcode::AtomicStore).then(stored).flatten());
         if matches!(data.map(|ty| self.module.ty(ty)), Some(Type::Int { width: 64, .. })) {
-            let what = format!("{name} of 64 bits");
+            let what = format!("{opcode} of 64 bits");
             self.require(span, &what, &[C::Int64Atomics], "SPIR-V, capability Int64Atomics");
         }
-        let adds = name == Opcode::AtomicFAddEXT;
-        if !adds && name != Opcode::AtomicFMinEXT && name != Opcode::AtomicFMaxEXT
+        let adds = opcode == Opcode::AtomicFAddEXT;
+        if !adds && opcode != Opcode::AtomicFMinEXT && opcode != Opcode::AtomicFMaxEXT
             || !self.declared.has(C::Shader as u32)
         {
             return;
@@ -492,23 +491,24 @@ impl<'m> Universal<'m> {
             _ => return,
         };
         let what = match result.map(|ty| self.module.ty(ty)) {
-            Some(Type::Float { width, .. }) => format!("{name} of {width} bits"),
-            _ => format!("{name} of a vector"),
+            Some(Type::Float { width, .. }) => format!("{opcode} of {width} bits"),
+            _ => format!("{opcode} of a vector"),
         };
         self.require(span, &what, &[capability], rule);
     }
 
     /// Values of 8- and 16-bit numbers that are declared for memory alone can be loaded, stored
     /// and converted to another width.
-    fn small_result(&mut self, span: Span, op: Opcode) {
+    fn small_result(&mut self, span: Span) {
         if !self.declared.has(C::Shader as u32) {
             return;
         }
         let Some(known) = InstructionGrammar::of(span.opcode) else { return };
         let result = known.has_type.then(|| self.module.type_with_id(Id(self.word(span, 1)))).flatten();
         let result = result.map_or(0, |ty| self.restricted_value(ty));
-        let creates = match op {
+        let creates = match span.opcode {
             Opcode::Undef
+            | Opcode::PoisonKHR
             | Opcode::VectorExtractDynamic
             | Opcode::VectorInsertDynamic
             | Opcode::CompositeConstruct
@@ -530,7 +530,7 @@ impl<'m> Universal<'m> {
         };
         let mut restricted = if creates { result } else { 0 };
         let allows = matches!(
-            op,
+            span.opcode,
             Opcode::Decorate
                 | Opcode::DecorateId
                 | Opcode::CopyObject
@@ -543,7 +543,7 @@ impl<'m> Universal<'m> {
         if !allows {
             restricted |= self.restricted_operands(span);
         }
-        if matches!(op, Opcode::CopyMemory | Opcode::CopyMemorySized)
+        if matches!(span.opcode, Opcode::CopyMemory | Opcode::CopyMemorySized)
             && let Some(pointee) = self.module.pointee(Id(self.word(span, 1)))
         {
             restricted |= self.small_of(pointee) & self.restricted;
@@ -562,8 +562,9 @@ impl<'m> Universal<'m> {
 
     /// The restricted numbers in the values that an instruction uses.
     fn restricted_operands(&self, span: Span) -> u8 {
-        let Some(known) = InstructionGrammar::of(span.opcode) else { return 0 };
-        if matches!(known.op, Opcode::Constant | Opcode::SpecConstant | Opcode::Switch) {
+        if !span.opcode.is_known()
+            || matches!(span.opcode, Opcode::Constant | Opcode::SpecConstant | Opcode::Switch)
+        {
             return 0;
         }
         let mut restricted = 0;

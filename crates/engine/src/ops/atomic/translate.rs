@@ -15,7 +15,8 @@ use crate::ops::value_registers::{Words, registers_from};
 use anyhit_base::error::Result;
 
 /// Translates atomic instructions; `false` for an instruction of another section.
-pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
+pub fn translate(translator: &mut Translator<'_>, instruction: &Instruction) -> Result<bool> {
+    let opcode = instruction.opcode;
     let kind = match opcode {
         Opcode::AtomicLoad => AtomicKind::Load,
         Opcode::AtomicStore | Opcode::AtomicExchange => AtomicKind::Exchange,

@@ -97,14 +97,15 @@ pub const OPCODES: &[Opcode] = &[
 ];
 
 /// Translates hit object instructions; `false` for an instruction of another section.
-pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
+pub fn translate(translator: &mut Translator<'_>, instruction: &Instruction) -> Result<bool> {
+    let opcode = instruction.opcode;
     if !OPCODES.contains(&opcode) {
         return Ok(false);
     }
-    check_stage(translator, opcode, instruction)?;
-    check_hint(translator, opcode, instruction)?;
+    check_stage(translator, instruction)?;
+    check_hint(translator, instruction)?;
     if matches!(opcode, Opcode::ReorderThreadWithHintEXT | Opcode::ReorderThreadWithHintNV) {
-        reorder(translator, opcode, instruction)?;
+        reorder(translator, instruction)?;
         return Ok(true);
     }
     let id = translator.id(instruction, 0)?;
@@ -135,7 +136,7 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
                 opcode,
                 Opcode::HitObjectTraceReorderExecuteEXT | Opcode::HitObjectTraceMotionReorderExecuteEXT
             ) {
-                reorder(translator, opcode, instruction)?;
+                reorder(translator, instruction)?;
                 translator
                     .emit(Operation::Stop(ray_tracing::RayTracingOp::HitObjectExecute { object, payload }));
             }
@@ -145,7 +146,7 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
         | Opcode::HitObjectReorderExecuteShaderEXT => {
             let payload = payload(translator, instruction, 1)?;
             if opcode == Opcode::HitObjectReorderExecuteShaderEXT {
-                reorder(translator, opcode, instruction)?;
+                reorder(translator, instruction)?;
             }
             translator.emit(Operation::Stop(ray_tracing::RayTracingOp::HitObjectExecute { object, payload }));
             translator.invalidate_known_values();
@@ -215,13 +216,14 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
             translator.invalidate_known_values();
         }
         // OpReorderThreadWithHitObject*
-        _ => reorder(translator, opcode, instruction)?,
+        _ => reorder(translator, instruction)?,
     }
     Ok(true)
 }
 
 /// Emits a reordering, with the hint of its instruction, if there is one.
-fn reorder(translator: &mut Translator<'_>, opcode: Opcode, instruction: &Instruction) -> Result<()> {
+fn reorder(translator: &mut Translator<'_>, instruction: &Instruction) -> Result<()> {
+    let opcode = instruction.opcode;
     let given = hint_operand(opcode).filter(|&at| at < translator.operands(instruction).len());
     let hint = given.map(|at| scalar(translator, instruction, at)).transpose()?;
     emit(translator, HitObjectOp::Reorder { hint });
@@ -233,7 +235,8 @@ fn emit(translator: &mut Translator<'_>, op: HitObjectOp) {
 }
 
 /// Checks the stage: hit objects are allowed in three stages, reordering in one.
-fn check_stage(translator: &Translator<'_>, opcode: Opcode, instruction: &Instruction) -> Result<()> {
+fn check_stage(translator: &Translator<'_>, instruction: &Instruction) -> Result<()> {
+    let opcode = instruction.opcode;
     let reorders = matches!(
         opcode,
         Opcode::ReorderThreadWithHintEXT
@@ -252,21 +255,20 @@ fn check_stage(translator: &Translator<'_>, opcode: Opcode, instruction: &Instru
     if allowed {
         return Ok(());
     }
-    let name = instruction.opcode;
     let stages = if reorders { "ray generation" } else { "ray generation, closest hit and miss" };
     let found = translator.stage.name();
     Err(translator.invalid(format!(
-        "{name} is used in {found}: it is allowed only in {stages} (SPV_EXT_shader_invocation_reorder)"
+        "{opcode} is used in {found}: it is allowed only in {stages} (SPV_EXT_shader_invocation_reorder)"
     )))
 }
 
 /// Rejects a hint without its number of bits.
-fn check_hint(translator: &Translator<'_>, opcode: Opcode, instruction: &Instruction) -> Result<()> {
+fn check_hint(translator: &Translator<'_>, instruction: &Instruction) -> Result<()> {
+    let opcode = instruction.opcode;
     let hint = hint_operand(opcode);
     if hint.is_some_and(|hint| translator.operands(instruction).len() == hint + 1) {
-        let name = instruction.opcode;
         return Err(translator.invalid(format!(
-            "{name} has a hint, but no number of bits (SPV_EXT_shader_invocation_reorder)"
+            "{opcode} has a hint, but no number of bits (SPV_EXT_shader_invocation_reorder)"
         )));
     }
     Ok(())
@@ -326,8 +328,8 @@ fn consecutive_operands(
     count: u32,
 ) -> Result<Reg> {
     if words.len() != count as usize {
-        let name = instruction.opcode;
-        let error = translator.invalid(format!("the operands of {name} have wrong types"));
+        let opcode = instruction.opcode;
+        let error = translator.invalid(format!("the operands of {opcode} have wrong types"));
         return Err(error.note("SPV_NV_shader_invocation_reorder, SPV_EXT_shader_invocation_reorder"));
     }
     translator.consecutive(words)
@@ -385,9 +387,9 @@ mod tests {
                 Stage::Callable,
                 Stage::Compute,
             ] {
-                let found = check_stage(&Translator::new(&module, stage), opcode, &instruction).err();
+                let found = check_stage(&Translator::new(&module, stage), &instruction).err();
                 let kind = (!allowed.contains(&stage)).then_some(ErrorKind::InvalidModule);
-                assert_eq!(found.map(|error| error.kind()), kind, "Op{opcode:?} in {}", stage.name());
+                assert_eq!(found.map(|error| error.kind()), kind, "{opcode} in {}", stage.name());
             }
         }
     }

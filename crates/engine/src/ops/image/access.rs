@@ -94,7 +94,8 @@ impl TexelWrite {
 }
 
 /// Translates accesses to single texels; `false` for any other instruction.
-pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
+pub fn translate(translator: &mut Translator<'_>, instruction: &Instruction) -> Result<bool> {
+    let opcode = instruction.opcode;
     match opcode {
         Opcode::ImageFetch | Opcode::ImageRead | Opcode::ImageSparseFetch | Opcode::ImageSparseRead => {
             let operands = Operands::read(translator, instruction, 2, false)?;

@@ -136,7 +136,8 @@ impl FootprintOp {
 }
 
 /// Translates the instruction; `false` for any other.
-pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
+pub fn translate(translator: &mut Translator<'_>, instruction: &Instruction) -> Result<bool> {
+    let opcode = instruction.opcode;
     if opcode != Opcode::ImageSampleFootprintNV {
         return Ok(false);
     }

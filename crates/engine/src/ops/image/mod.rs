@@ -281,7 +281,7 @@ mod tests {
                 operands: 0..0,
             };
             let mut translator = Translator::new(&module, Stage::ClosestHit);
-            let error = translate(&mut translator, opcode, &instruction).unwrap_err();
+            let error = translate(&mut translator, &instruction).unwrap_err();
             assert_eq!(error.kind(), ErrorKind::InvalidModule, "{opcode:?}");
             assert!(error.message().starts_with(&opcode.to_string()), "{error}");
             assert!(error.message().contains("requires implicit derivatives"), "{error}");

@@ -330,7 +330,8 @@ pub const OPCODES: &[Opcode] = &[
 ];
 
 /// Translates image processing; `false` for any other instruction.
-pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
+pub fn translate(translator: &mut Translator<'_>, instruction: &Instruction) -> Result<bool> {
+    let opcode = instruction.opcode;
     if !OPCODES.contains(&opcode) {
         return Ok(false);
     }

@@ -77,7 +77,8 @@ impl QueryOp {
 }
 
 /// Translates queries; `false` for any other instruction.
-pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
+pub fn translate(translator: &mut Translator<'_>, instruction: &Instruction) -> Result<bool> {
+    let opcode = instruction.opcode;
     let property = match opcode {
         Opcode::ImageQuerySize => ImageProperty::Size(None),
         Opcode::ImageQuerySizeLod => {

@@ -130,7 +130,8 @@ fn components(dimension: Dimension) -> usize {
 }
 
 /// Translates sampling and gathering; `false` for any other instruction.
-pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
+pub fn translate(translator: &mut Translator<'_>, instruction: &Instruction) -> Result<bool> {
+    let opcode = instruction.opcode;
     let implicit = super::IMPLICIT.contains(&opcode);
     let (compared, projected, gathers, sparse) = match opcode {
         Opcode::ImageSampleImplicitLod => (false, false, false, false),

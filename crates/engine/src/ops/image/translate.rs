@@ -12,7 +12,8 @@ use anyhit_base::error::Result;
 ///
 /// # Errors
 /// `InvalidModule` where it breaks a rule, `UnsupportedModule` where this crate does not run it.
-pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
+pub fn translate(translator: &mut Translator<'_>, instruction: &Instruction) -> Result<bool> {
+    let opcode = instruction.opcode;
     match opcode {
         Opcode::SampledImage => {
             check_sampled_image(translator, instruction)?;
@@ -34,19 +35,18 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
             translator.define_result(instruction, SmallVec::from_slice(&[resident]));
         }
         _ if IMPLICIT.contains(&opcode) && !translator.derivatives => {
-            let name = instruction.opcode;
             return Err(translator.invalid(format!(
-                "{name} requires implicit derivatives, which only fragment stages and compute with a \
-                 derivative group have (SPIR-V 3.3.10, \"{name}\"): specify the level of detail or \
+                "{opcode} requires implicit derivatives, which only fragment stages and compute with a \
+                 derivative group have (SPIR-V 3.3.10, \"{opcode}\"): specify the level of detail or \
                  gradients explicitly"
             )));
         }
         _ => {
-            return Ok(sample::translate(translator, opcode, instruction)?
-                || access::translate(translator, opcode, instruction)?
-                || query::translate(translator, opcode, instruction)?
-                || footprint::translate(translator, opcode, instruction)?
-                || processing::translate(translator, opcode, instruction)?);
+            return Ok(sample::translate(translator, instruction)?
+                || access::translate(translator, instruction)?
+                || query::translate(translator, instruction)?
+                || footprint::translate(translator, instruction)?
+                || processing::translate(translator, instruction)?);
         }
     }
     Ok(true)

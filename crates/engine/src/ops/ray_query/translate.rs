@@ -13,7 +13,8 @@ use crate::ops::translate::Translator;
 use anyhit_base::error::Result;
 
 /// Translates ray query instructions; `false` for an instruction of another section.
-pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
+pub fn translate(translator: &mut Translator<'_>, instruction: &Instruction) -> Result<bool> {
+    let opcode = instruction.opcode;
     if !OPCODES.contains(&opcode) {
         return Ok(false);
     }

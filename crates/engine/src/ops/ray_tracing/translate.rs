@@ -17,7 +17,8 @@ use anyhit_base::error::Result;
 const RULES: &str = "SPV_KHR_ray_tracing, SPV_NV_ray_tracing, SPV_NV_ray_tracing_motion_blur";
 
 /// Translates ray-tracing instructions; `false` for an instruction of another section.
-pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
+pub fn translate(translator: &mut Translator<'_>, instruction: &Instruction) -> Result<bool> {
+    let opcode = instruction.opcode;
     match opcode {
         Opcode::TraceRayKHR | Opcode::TraceNV | Opcode::TraceRayMotionNV | Opcode::TraceMotionNV => {
             let has_motion = matches!(opcode, Opcode::TraceRayMotionNV | Opcode::TraceMotionNV);
@@ -30,21 +31,20 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
                 words.push(translator.constant(0)?);
             }
             if words.len() != TRACE_OPERANDS as usize {
-                let name = instruction.opcode;
                 return Err(translator
-                    .invalid(format!("the operands of {name} have wrong types"))
+                    .invalid(format!("the operands of {opcode} have wrong types"))
                     .note(RULES));
             }
             let operands = translator.consecutive(&words)?;
             let classes = &[storage::RAY_PAYLOAD, storage::INCOMING_RAY_PAYLOAD];
-            let payload = named_variable(translator, opcode, instruction, count, classes)?;
+            let payload = named_variable(translator, instruction, count, classes)?;
             translator.emit(Operation::Stop(RayTracingOp::TraceRay { operands, payload }));
             translator.invalidate_known_values();
         }
         Opcode::ExecuteCallableKHR | Opcode::ExecuteCallableNV => {
             let index = translator.operand(instruction, 0)?;
             let classes = &[storage::CALLABLE_DATA, storage::INCOMING_CALLABLE_DATA];
-            let data = named_variable(translator, opcode, instruction, 1, classes)?;
+            let data = named_variable(translator, instruction, 1, classes)?;
             let Some(&index) = index.first() else {
                 return Err(translator.invalid("the SBT index has no value").note(RULES));
             };
@@ -89,13 +89,12 @@ fn variable_at(translator: &mut Translator<'_>, location: Id, classes: &[u32]) -
 /// The registers of the payload or callable data variable that an operand names.
 fn named_variable(
     translator: &mut Translator<'_>,
-    opcode: Opcode,
     instruction: &Instruction,
     at: usize,
     classes: &[u32],
 ) -> Result<RegSpan> {
     let mut id = translator.id(instruction, at)?;
-    if matches!(opcode, Opcode::TraceNV | Opcode::TraceMotionNV | Opcode::ExecuteCallableNV) {
+    if matches!(instruction.opcode, Opcode::TraceNV | Opcode::TraceMotionNV | Opcode::ExecuteCallableNV) {
         match variable_at(translator, id, classes)? {
             Some(variable) => id = variable,
             // A fresh register, so that no interface variable begins there.

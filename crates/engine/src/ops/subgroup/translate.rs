@@ -16,7 +16,8 @@ use crate::ops::{arithmetic, bit, glsl, relational_logical};
 use anyhit_base::error::Result;
 
 /// Translates subgroup instructions; `false` for an instruction of another section.
-pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
+pub fn translate(translator: &mut Translator<'_>, instruction: &Instruction) -> Result<bool> {
+    let opcode = instruction.opcode;
     use Opcode as O;
     if !OPCODES.contains(&opcode) {
         return Ok(false);
@@ -73,7 +74,7 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
             emit(translator, instruction, SubgroupKind::BallotCount(bits), Some(value), None)?;
             return Ok(true);
         }
-        _ => return reduction(translator, opcode, instruction).map(|()| true),
+        _ => return reduction(translator, instruction).map(|()| true),
     };
     let count = translator.operands(instruction).len();
     let id = |translator: &Translator<'_>, at: usize| {
@@ -186,7 +187,8 @@ pub fn read_from_index(
 }
 
 /// Reductions and scans, component by component.
-fn reduction(translator: &mut Translator<'_>, opcode: Opcode, instruction: &Instruction) -> Result<()> {
+fn reduction(translator: &mut Translator<'_>, instruction: &Instruction) -> Result<()> {
+    let opcode = instruction.opcode;
     use Opcode as O;
     let (family, identity): (&'static OpFamily, fn(u32) -> u64) = match opcode {
         O::GroupNonUniformIAdd | O::GroupIAddNonUniformAMD => (&arithmetic::IAdd, |_| 0),

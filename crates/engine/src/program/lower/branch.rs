@@ -23,7 +23,7 @@ impl Lowering<'_> {
                 self.end(Terminator::Branch(label));
             }
             Opcode::BranchConditional => {
-                operand_types::check(&self.translator, instruction.opcode, instruction)?;
+                operand_types::check(&self.translator, instruction)?;
                 let condition = self.translator.operand(instruction, 0)?[0];
                 let targets = [self.translator.id(instruction, 1)?, self.translator.id(instruction, 2)?];
                 if let Some(known) =
@@ -42,7 +42,7 @@ impl Lowering<'_> {
                 self.split_edges(site, edges)?;
             }
             Opcode::Switch => {
-                operand_types::check(&self.translator, instruction.opcode, instruction)?;
+                operand_types::check(&self.translator, instruction)?;
                 let selector = self.translator.operand(instruction, 0)?;
                 let words = self.module.switch_literal_words(instruction);
                 let operands = self.module.operands(instruction);
@@ -80,18 +80,12 @@ impl Lowering<'_> {
             Opcode::Unreachable => self.end(Terminator::Unreachable),
             Opcode::IgnoreIntersectionKHR => self.end(Terminator::Exit(Exit::Ignored)),
             Opcode::TerminateRayKHR => self.end(Terminator::Exit(Exit::Terminated)),
-            other => {
-                let name = other;
-                let message = format!("{name} in {}", self.translator.stage.name());
-                return Err(match other {
-                    Opcode::Kill | Opcode::TerminateInvocation => {
-                        let rule =
-                            format!("SPIR-V, 3.3.17, {name}: allowed only in the execution model Fragment");
-                        self.translator.invalid(message).note(rule)
-                    }
-                    _ => self.translator.unsupported(message),
-                });
+            opcode @ (Opcode::Kill | Opcode::TerminateInvocation) => {
+                let rule = format!("SPIR-V, 3.3.17, {opcode}: allowed only in the execution model Fragment");
+                let message = format!("{opcode} in {}", self.translator.stage.name());
+                return Err(self.translator.invalid(message).note(rule));
             }
+            opcode => return Err(self.translator.unsupported(format!("{opcode} is not supported"))),
         }
         Ok(())
     }

@@ -26,19 +26,10 @@ impl Lowering<'_> {
         match instruction.opcode {
             Opcode::Variable | Opcode::Phi | Opcode::LoopMerge | Opcode::SelectionMerge => {}
             // A call has its step, and the end of a block is one.
-            Opcode::FunctionCall
-            | Opcode::Branch
-            | Opcode::BranchConditional
-            | Opcode::Switch
-            | Opcode::Kill
-            | Opcode::Return
-            | Opcode::ReturnValue
-            | Opcode::Unreachable
-            | Opcode::TerminateInvocation
-            | Opcode::IgnoreIntersectionKHR
-            | Opcode::TerminateRayKHR
-            | Opcode::IgnoreIntersectionNV
-            | Opcode::TerminateRayNV => self.without_step = None,
+            Opcode::FunctionCall | Opcode::IgnoreIntersectionNV | Opcode::TerminateRayNV => {
+                self.without_step = None;
+            }
+            opcode if opcode.ends_block() => self.without_step = None,
             _ if self.translator.ops.len() > before => self.without_step = None,
             _ if instruction.result.is_none() => self.add_step(self.translator.origin),
             _ if self.without_step.is_none() => {
