@@ -170,8 +170,8 @@ fn files_that_are_missing_or_broken() {
     );
     one_mistake(
         "[geometry.g]\ntype = 'obj'\nfile = 'bad.obj'\n",
-        "s/bad.obj:3:1",
-        &["not a Wavefront OBJ file", "at s/a.toml:4: named here"],
+        "in s/bad.obj",
+        &["the file has no triangles", "not read: line 3: ", "at s/a.toml:4: named here"],
     );
     one_mistake(
         "[resources.i]\ntype = 'sampled_image'\nbinding = 1\nfile = 'bad.png'\n",

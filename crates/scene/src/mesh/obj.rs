@@ -36,8 +36,8 @@ impl ObjFile {
     /// Opens a file and lists what is in it.
     ///
     /// # Errors
-    /// `InvalidMesh` that points at the line for a broken file; also where no triangle is left, or
-    /// the file is beyond a limit.
+    /// `InvalidMesh` where no triangle is left, a polygon is too complex, or the file is beyond a
+    /// limit.
     pub(super) fn open(path: &Path, bytes: &[u8], files: &dyn Files) -> Result<(Listed, Self)> {
         decode(path, bytes, files).map_err(|error| error.or_at(Place::File(path.to_path_buf())))
     }
@@ -125,9 +125,7 @@ fn listed(group: &Group) -> ListedPart {
 
 /// The error of a broken file, with the line where it is known.
 fn error_of(path: &Path, text: &[u8], broken: BrokenFile) -> Error {
-    let not_obj = |message: &str| invalid(format!("not a Wavefront OBJ file: {message}"));
     match broken {
-        BrokenFile::Line(broken) => not_obj(&broken.message).at(place(path, text, broken.line)),
         BrokenFile::TooManyVertices => invalid("a group has more vertices than 32-bit indices can address"),
         BrokenFile::Polygon(number) => {
             let mut left = number;
@@ -388,17 +386,49 @@ mod tests {
     }
 
     #[test]
-    fn a_broken_line_is_shown() {
-        for (text, line) in [
-            ("v 0 0 0\nv 1 x 0\nv 0 1 0\nf 1 2 3\n", "m.obj:2:1"),
-            ("v 0 0 0\nv 1 0\n", "m.obj:2:1"),
-            ("v 0 0 0\nv 1 0 0\nv 0 1 0\n\nf 1 2 9\n", "m.obj:5:1"),
-            ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 three\n", "m.obj:4:1"),
+    fn a_broken_line_leaves_out_the_faces_that_use_it() {
+        let points = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvn 0 0 1\n";
+        let cause = "`x` is not a number";
+        for (lines, unread) in [
+            ("v 9 x 9\nf 1 2 5\n", &["a position (`v`) and the faces that use it: `x` is not a number"][..]),
+            (
+                "vt x\nf 1/2 2/1 3/1\n",
+                &["a texture coordinate (`vt`) and the faces that use it: `x` is not a number"],
+            ),
+            ("vn 0 x 1\nf 1 2 3//-1\n", &["a normal (`vn`) and the faces that use it: `x` is not a number"]),
+            ("f 1 2 x\n", &["a face (`f`): `x` is not an index"]),
+            (
+                "f 1 2 3 9 4\n",
+                &[
+                    "a face (`f`): no position has the index 9: there are 4 lines of `v` in the file, counted from 1",
+                ],
+            ),
         ] {
-            let error = load(text, None).unwrap_err();
-            assert_eq!(error.kind(), ErrorKind::InvalidMesh);
-            assert!(error.render().contains(line), "{text}: {error:?}");
+            // Behind it, the lines have the numbers that they had.
+            let text = format!("{points}{lines}v 5 5 5\nvt 1 1\nvn 1 0 0\nf 1/-1/-1 2/-1/-1 -1/-1/-1\n");
+            let model = open(&text, &[], InputLimits::default()).unwrap();
+            let unread: Vec<String> = unread.iter().map(|note| format!("line 7: {note}")).collect();
+            assert_eq!(model.unread, unread, "{text}");
+            let mesh = model.triangles(0).unwrap();
+            assert_eq!(mesh.vertices, [[0., 0., 0.], [1., 0., 0.], [5., 5., 5.]], "{text}");
+            assert_eq!(mesh.indices, [0, 1, 2], "{text}");
+            let normals = model.attribute(0, "normal").unwrap();
+            assert_eq!(normals.values, [1., 0., 0.].repeat(3), "{text}");
         }
+        // In parts, as large files are read, too.
+        let mut text = String::from("v 0 0 0\nv 1 0 0\nv 1 1 x\n");
+        for _ in 0..PART / 8 {
+            text += "f 1 2 3\n";
+        }
+        text += "v 0 1 0\nf 1 2 4\n";
+        let model = open(&text, &[], InputLimits::default()).unwrap();
+        assert_eq!(model.triangles(0).unwrap().vertices, [[0., 0., 0.], [1., 0., 0.], [0., 1., 0.]]);
+        assert_eq!(model.unread, [format!("line 3: a position (`v`) and the faces that use it: {cause}")]);
+        let error = load("v 0 0 0\nv 1 0\nv 1 1 1\nf 1 2 3\n", None).unwrap_err();
+        assert_eq!((error.kind(), error.message()), (ErrorKind::InvalidMesh, "the file has no triangles"));
+        let note =
+            "not read: line 2: a position (`v`) and the faces that use it: 3 numbers expected, but 2 found";
+        assert_eq!(error.notes(), [note]);
     }
 
     #[test]

@@ -3,10 +3,10 @@
 //! A thread numbers the corners of a part while others read the next parts: each position has a
 //! list of the vertices that were made of it.
 
-use std::collections::{HashMap, VecDeque};
+use std::collections::{HashMap, HashSet, VecDeque};
 
 use crate::mesh::obj::lines::{
-    BrokenLine, ChangeTo, Corner, Faces, FileContext, Lines, NONE, PartPlace, UNNAMED, Values,
+    ChangeTo, Corner, Faces, FileContext, Lines, NONE, PartPlace, UNNAMED, Values,
 };
 use crate::mesh::obj::notes::Notes;
 use crate::mesh::obj::{polygon, text};
@@ -35,7 +35,6 @@ pub(super) struct Group {
 /// Why a file has no groups.
 #[derive(Debug)]
 pub(super) enum BrokenFile {
-    Line(BrokenLine),
     /// The polygon of this number, from 0, takes too long to cut into triangles.
     Polygon(usize),
     TooManyVertices,
@@ -57,6 +56,8 @@ struct Vertex {
 /// The state between two parts.
 struct Reader {
     values: Values,
+    /// The indices of values that cannot be read.
+    broken: [HashSet<u32>; 3],
     /// Faces whose vertices are in parts that follow.
     waiting: VecDeque<Faces>,
     name: String,
@@ -82,6 +83,7 @@ pub(super) fn read(
 ) -> Result<(Vec<Group>, Notes), BrokenFile> {
     let mut reader = Reader {
         values: Values::default(),
+        broken: Default::default(),
         waiting: VecDeque::new(),
         name: UNNAMED.to_owned(),
         material: None,
@@ -96,7 +98,7 @@ pub(super) fn read(
     };
     let mut result = Ok(());
     threads::in_order(parts.len(), &|at| Lines::of(parts[at].0, parts[at].1, context), &mut |lines| {
-        result = lines.map_err(BrokenFile::Line).and_then(|lines| reader.add(lines));
+        result = reader.add(lines);
         result.is_ok()
     });
     result?;
@@ -110,6 +112,9 @@ impl Reader {
         self.values.append(lines.values);
         self.first_vertices.resize(self.values.positions.len(), NONE);
         self.notes.append(lines.notes);
+        for (all, of_part) in self.broken.iter_mut().zip(lines.broken) {
+            all.extend(of_part);
+        }
         self.waiting.push_back(lines.faces);
         let known = self.values.counts();
         while let Some(faces) = self.waiting.front()
@@ -150,6 +155,10 @@ impl Reader {
         for &count in counts {
             let (face, rest) = corners.split_at(count as usize);
             *corners = rest;
+            self.polygons += 1;
+            if !self.can_be_read(face) {
+                continue;
+            }
             let positions = &self.values.positions;
             let position = |at: usize| positions[face[at].position as usize];
             if count == 3 || polygon::is_fan(&position, face.len()) {
@@ -161,14 +170,22 @@ impl Reader {
                 }
             } else {
                 let ears = polygon::ears(&position, face.len());
-                let ears = ears.ok_or(BrokenFile::Polygon(self.polygons))?;
+                let ears = ears.ok_or(BrokenFile::Polygon(self.polygons - 1))?;
                 let numbers: Vec<u32> =
                     face.iter().map(|corner| self.number(*corner)).collect::<Result<_, _>>()?;
                 self.indices.extend(ears.as_flattened().iter().map(|corner| numbers[*corner]));
             }
-            self.polygons += 1;
         }
         Ok(())
+    }
+
+    /// Returns true if the line of a face and those of its values can be read.
+    fn can_be_read(&self, face: &[Corner]) -> bool {
+        let is_whole = |corner: &Corner| {
+            self.broken.iter().zip(corner.key()).all(|(broken, index)| !broken.contains(&index))
+        };
+        let all_are_whole = self.broken.iter().all(HashSet::is_empty);
+        !face.is_empty() && (all_are_whole || face.iter().all(is_whole))
     }
 
     /// The number of a vertex within the group; a new one gets the next.

@@ -90,45 +90,52 @@ pub(super) struct FileContext<'f> {
     pub materials: HashMap<&'f str, usize>,
 }
 
-/// A line that cannot be read, without which the numbers of others have no meaning.
-#[derive(Debug)]
-pub(super) struct BrokenLine {
-    pub line: usize,
-    pub message: String,
-}
+/// What indices refer to, and the first word of its lines.
+const KINDS: [(&str, &str); 3] = [("position", "v"), ("texture coordinate", "vt"), ("normal", "vn")];
 
 /// The content of the lines of a part of a file.
 pub(super) struct Lines<'f> {
     context: &'f FileContext<'f>,
     before: [usize; 3],
+    /// A line that cannot be read has a value of zeros, so that the others keep their indices.
     pub values: Values,
+    /// The indices of such values, by their kinds: faces that use them are left out.
+    pub broken: [Vec<u32>; 3],
     pub faces: Faces,
     pub notes: Notes,
 }
 
 impl<'f> Lines<'f> {
     /// Reads the lines of a part.
-    pub(super) fn of(
-        bytes: &[u8],
-        place: PartPlace,
-        context: &'f FileContext<'f>,
-    ) -> Result<Self, BrokenLine> {
-        let (values, faces) = (Values::default(), Faces::default());
-        let mut own = Self { context, before: place.before, values, faces, notes: Notes::default() };
-        let end = text::statements(bytes, place.line, |line, text| match own.read(line, Words(text)) {
-            Ok(()) => ControlFlow::Continue(()),
-            Err(message) => ControlFlow::Break(BrokenLine { line, message }),
+    pub(super) fn of(bytes: &[u8], place: PartPlace, context: &'f FileContext<'f>) -> Self {
+        let mut own = Self {
+            context,
+            before: place.before,
+            values: Values::default(),
+            broken: Default::default(),
+            faces: Faces::default(),
+            notes: Notes::default(),
+        };
+        let _: ControlFlow<()> = text::statements(bytes, place.line, |line, text| {
+            own.read(line, Words(text));
+            ControlFlow::Continue(())
         });
-        end.break_value().map_or(Ok(own), Err)
+        own
     }
 
     #[inline]
-    fn read(&mut self, line: usize, mut words: Words<'_>) -> Result<(), String> {
+    fn read(&mut self, line: usize, mut words: Words<'_>) {
         match words.next().unwrap_or_default() {
-            b"v" => self.position(line, words)?,
-            b"vt" => self.values.texcoords.push(texcoord(words)?),
-            b"vn" => self.values.normals.push(numbers(&mut words)?),
-            b"f" => self.face(line, words)?,
+            b"v" => self.position(line, words),
+            b"vt" => {
+                let texcoord = texcoord(words).unwrap_or_else(|message| self.broken(line, 1, &message));
+                self.values.texcoords.push(texcoord);
+            }
+            b"vn" => {
+                let normal = numbers(&mut words).unwrap_or_else(|message| self.broken(line, 2, &message));
+                self.values.normals.push(normal);
+            }
+            b"f" => self.face(line, words),
             b"o" | b"g" => {
                 let name = words.name();
                 let name = if name.is_empty() { Cow::Borrowed(UNNAMED) } else { name };
@@ -145,7 +152,16 @@ impl<'f> Lines<'f> {
             b"" | b"mtllib" | b"s" | b"mg" | b"bevel" | b"c_interp" | b"d_interp" | b"lod" => {}
             other => self.notes.add(line, format!("`{}`", text::shown(other))),
         }
-        Ok(())
+    }
+
+    /// Notes that the next value of a kind cannot be read. Returns zeros.
+    #[cold]
+    fn broken<T: Default>(&mut self, line: usize, kind: usize, message: &str) -> T {
+        let index = self.before[kind] + self.values.counts()[kind];
+        self.broken[kind].extend(u32::try_from(index).ok());
+        let (what, word) = KINDS[kind];
+        self.notes.add(line, format!("a {what} (`{word}`) and the faces that use it: {message}"));
+        T::default()
     }
 
     fn change(&mut self, line: usize, to: ChangeTo) {
@@ -153,10 +169,14 @@ impl<'f> Lines<'f> {
     }
 
     /// Reads a position and its colour. A fourth number without others is the weight of a curve.
-    fn position(&mut self, line: usize, mut words: Words<'_>) -> Result<(), String> {
-        self.values.positions.push(numbers(&mut words)?);
+    fn position(&mut self, line: usize, mut words: Words<'_>) {
+        let position = numbers(&mut words).unwrap_or_else(|message| {
+            words = Words(b"");
+            self.broken(line, 0, &message)
+        });
+        self.values.positions.push(position);
         if words.0.trim_ascii_start().is_empty() {
-            return Ok(());
+            return;
         }
         let mut color = [0.0; 3];
         let mut count = 0;
@@ -167,7 +187,7 @@ impl<'f> Lines<'f> {
                 (Ok(_), None) => {}
                 (Err(_), _) => {
                     self.notes.add(line, "words behind a position");
-                    return Ok(());
+                    return;
                 }
             }
         }
@@ -180,24 +200,31 @@ impl<'f> Lines<'f> {
                 colors.push(Some(color));
             }
         }
-        Ok(())
     }
 
-    fn face(&mut self, line: usize, words: Words<'_>) -> Result<(), String> {
+    fn face(&mut self, line: usize, words: Words<'_>) {
         let first = self.faces.corners.len();
         for word in words {
-            let corner = self.corner(word)?;
-            self.faces.corners.push(corner);
+            match self.corner(word) {
+                Ok(corner) => self.faces.corners.push(corner),
+                Err(message) => {
+                    self.notes.add(line, format!("a face (`f`): {message}"));
+                    self.faces.corners.truncate(first);
+                    // A polygon without corners: those behind it keep their numbers.
+                    if words.count() > 2 {
+                        self.faces.counts.push(0);
+                    }
+                    return;
+                }
+            }
         }
-        let count = self.faces.corners.len() - first;
-        if count < 3 {
-            self.faces.corners.truncate(first);
-            self.notes.add(line, "a face of fewer than three corners");
-        } else {
-            let count = u32::try_from(count).map_err(|_| "the face has too many corners")?;
-            self.faces.counts.push(count);
+        match u32::try_from(self.faces.corners.len() - first) {
+            Ok(count @ 3..) => self.faces.counts.push(count),
+            _ => {
+                self.faces.corners.truncate(first);
+                self.notes.add(line, "a face of fewer than three corners");
+            }
         }
-        Ok(())
     }
 
     /// Reads a corner, `position[/texcoord[/normal]]`.
@@ -270,7 +297,7 @@ fn wrong_index(corner: &[u8], digits: &[u8], kind: usize, known: usize, total: u
     if value.is_empty() || !value.iter().all(u8::is_ascii_digit) {
         return format!("`{shown}` is not an index");
     }
-    let (what, word) = [("position", "v"), ("texture coordinate", "vt"), ("normal", "vn")][kind];
+    let (what, word) = KINDS[kind];
     let count = if is_negative { known } else { total };
     let place = if is_negative { "before this line" } else { "in the file" };
     format!("no {what} has the index {shown}: there are {count} lines of `{word}` {place}, counted from 1")
@@ -280,7 +307,7 @@ fn wrong_index(corner: &[u8], digits: &[u8], kind: usize, known: usize, total: u
 mod tests {
     use super::*;
 
-    fn read<'f>(text: &str, context: &'f FileContext<'f>) -> Result<Lines<'f>, BrokenLine> {
+    fn read<'f>(text: &str, context: &'f FileContext<'f>) -> Lines<'f> {
         Lines::of(text.as_bytes(), PartPlace { line: 1, before: [0; 3] }, context)
     }
 
@@ -289,7 +316,7 @@ mod tests {
     }
 
     #[test]
-    fn broken_lines_have_a_number_and_a_cause() {
+    fn broken_lines_are_notes_with_a_cause() {
         let context = context([3, 1, 1]);
         let points = "v 0 0 0\nv 1 0 0\nv 1 1 0\nvt 0 \\\n0\nvn 0 0 1\n";
         for (line, message) in [
@@ -312,9 +339,15 @@ mod tests {
             ("f 1 2 +3", "`+3` is not an index"),
             ("f 1 2 99999999999999999999999", "no position has the index 99999999999999999999999"),
         ] {
-            let error = read(&format!("{points}{line}\n"), &context).err().expect(line);
-            assert_eq!(error.line, 7, "{line}");
-            assert!(error.message.contains(message), "{line}: {}", error.message);
+            let lines = read(&format!("{points}{line}\nf 1 2 3 1\n"), &context);
+            let notes = lines.notes.list(None);
+            assert_eq!(notes.len(), 1, "{line}: {notes:?}");
+            assert!(notes[0].starts_with("line 7: ") && notes[0].contains(message), "{line}: {notes:?}");
+            let counts: &[u32] = if line.starts_with('f') { &[0, 4] } else { &[4] };
+            assert_eq!((&lines.faces.counts[..], lines.faces.corners.len()), (counts, 4), "{line}");
+            let index = |word: &str| if line.starts_with(&format!("{word} ")) { 1 } else { 0 };
+            let broken = lines.broken.map(|indices| indices.len());
+            assert_eq!(broken, [index("v"), usize::from(line == "vt") + index("vt"), index("vn")], "{line}");
         }
     }
 
@@ -323,7 +356,7 @@ mod tests {
     fn odd_lines_are_read() {
         let context = context([4, 1, 0]);
         let text = "v 0 0 0 1\nv 1 0 0 # here\nv 0 0 \\\n1\nv 1 2 3 .5 .25 1 9\nvt .5\nf -4/1 2/-1 3/1 # 4\nf 1 2#3\n";
-        let lines = read(text, &context).expect("lines");
+        let lines = read(text, &context);
         assert_eq!(lines.values.positions, [[0., 0., 0.], [1., 0., 0.], [0., 0., 1.], [1., 2., 3.]]);
         assert_eq!(lines.values.colors, [None, None, None, Some([0.5, 0.25, 1.0])]);
         assert_eq!(lines.values.texcoords, [[0.5, 0.0]]);
