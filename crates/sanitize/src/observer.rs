@@ -246,13 +246,9 @@ impl Sanitizer<'_> {
                 }
             }
             Op::Print(print) => {
-                for argument in &*print.arguments {
-                    let Argument::Numbers { components, .. } = argument else { continue };
-                    for &component in components {
-                        self.depend(batch, shadow, op, component, Sink::Print);
-                        let sink = SpecialSink::Print;
-                        births::reach(self, batch, shadow, op, component, batch.mask, sink);
-                    }
+                for &reg in print.arguments.iter().flat_map(Argument::registers) {
+                    self.depend(batch, shadow, op, reg, Sink::Print);
+                    births::reach(self, batch, shadow, op, reg, batch.mask, SpecialSink::Print);
                 }
             }
             Op::HitObject(object) => {

@@ -64,6 +64,7 @@ fn rule_of(trap: &Trap) -> &'static Rule {
         C::ImageMismatch => &stop::IMAGE_VIEW_MATCH,
         C::SamplerMismatch => &image::SAMPLER_MATCH,
         C::Unreachable => &stop::UNREACHABLE,
+        C::Aborted => &stop::ABORT,
         C::OutOfFuel | C::LaunchOutOfFuel | C::LaunchTimedOut | C::BatchTimedOut => &stop::LOOP_ENDLESS,
         C::InvalidTrace | C::InvalidRayQuery => match RayRule::ALL.get(trap.fault_value as usize) {
             Some(&broken) => ray_rule(broken),

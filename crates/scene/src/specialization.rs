@@ -78,7 +78,8 @@ impl SpecializationKey {
     }
 }
 
-/// The value of a specialization constant: `true`, `7`, `0.5`, or with its type `{ u64 = 7 }`.
+/// The value of a specialization constant: `true`, `7`, `0.5`, or with its type `{ u64 = 7 }`; of
+/// constant data (`SPV_KHR_constant_data`) a text.
 ///
 /// A value without a type takes the constant's type.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -97,6 +98,7 @@ enum LiteralValue {
     /// The value's bytes, little-endian, and their type where one is given.
     Bytes(Vec<u8>, Option<Scalar>),
     Address(AddressOf),
+    Text(String),
 }
 
 impl Parse for SpecializationValue {
@@ -105,6 +107,7 @@ impl Parse for SpecializationValue {
             Toml::Boolean(flag) => LiteralValue::Boolean(*flag),
             Toml::Integer(digits, base) => LiteralValue::Integer(digits.to_string(), *base),
             Toml::Float(text) => LiteralValue::Float(text.to_string()),
+            Toml::String(text) => LiteralValue::Text(text.to_string()),
             Toml::Table(_) => match ScalarPiece::parse(value)? {
                 ScalarPiece::Bytes(bytes, scalar) => LiteralValue::Bytes(bytes, scalar),
                 ScalarPiece::Address(of) => LiteralValue::Address(of),
@@ -137,6 +140,11 @@ impl SpecializationValue {
             _ => None,
         };
         let literal = address.as_ref().unwrap_or(&self.literal);
+        if module.specializes_data(constant)
+            && let LiteralValue::Text(text) = literal
+        {
+            return module.specialize_data(constant, text.as_bytes());
+        }
         let bits = match module.specialization_type(constant) {
             Some(ty) => {
                 let wrong = |why: String| {
@@ -207,6 +215,7 @@ impl LiteralValue {
             (Self::Float(text), Type::Bool) => Err(format!("{text} is neither true nor false")),
             (Self::Float(text), _) => Err(format!("{text} is not an integer")),
             (Self::Address(_), _) => Err("the address is not known yet".into()),
+            (Self::Text(text), _) => Err(format!("`{text}` is not a number")),
         }
     }
 }

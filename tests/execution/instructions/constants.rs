@@ -1,6 +1,8 @@
 //! `OpSpecConstantOp` with every instruction that it may hold in a shader, one by one, at edge
 //! values. The results are those of the same instruction in a function, by hand.
 
+use anyhit::{TrapCode, TrapOperands};
+
 use crate::execution::instructions::run::Shader;
 
 /// Instruction, type of the result, operands, bits of the result.
@@ -167,4 +169,112 @@ fn a_frozen_value_is_the_value_and_does_not_change() {
         let chosen = if id == 0 { 1 } else { 2 };
         assert_eq!(words[..6], [id, (id as f32).to_bits(), chosen, 16, 0, 0]);
     }
+}
+
+/// `SPV_KHR_constant_data`: elements are packed from the least significant bits on, and what is
+/// behind the last one is ignored.
+#[test]
+fn constant_data_is_packed() {
+    let shader = Shader {
+        capabilities: "OpCapability ConstantDataKHR\nOpExtension \"SPV_KHR_constant_data\"",
+        annotations: "OpDecorate %short_data SpecId 3",
+        declarations: "
+            %chars = OpTypeArray %uchar %u5
+            %shorts = OpTypeArray %ushort %u3
+            %ints = OpTypeArray %uint %u2
+            %longs = OpTypeArray %ulong %u2
+            %char_data = OpConstantDataKHR %chars 0x64636261 0xFFFFFF65
+            %short_data = OpSpecConstantDataKHR %shorts 0x00020001 0xFFFF0003
+            %int_data = OpConstantDataKHR %ints 5 0xFFFFFFFF
+            %long_data = OpConstantDataKHR %longs 1 2 3 4",
+        body: "
+            %first = OpCompositeExtract %uchar %char_data 0
+            %first_word = OpUConvert %uint %first
+            out 0 %first_word
+            %last = OpCompositeExtract %uchar %char_data 4
+            %last_word = OpUConvert %uint %last
+            out 1 %last_word
+            %second_short = OpCompositeExtract %ushort %short_data 1
+            %second_short_word = OpUConvert %uint %second_short
+            out 2 %second_short_word
+            %last_short = OpCompositeExtract %ushort %short_data 2
+            %last_short_word = OpUConvert %uint %last_short
+            out 3 %last_short_word
+            %last_int = OpCompositeExtract %uint %int_data 1
+            out 4 %last_int
+            %last_long = OpCompositeExtract %ulong %long_data 1
+            %low = OpUConvert %uint %last_long
+            out 5 %low
+            %high_long = OpShiftRightLogical %ulong %last_long %u32
+            %high = OpUConvert %uint %high_long
+            out 6 %high",
+        ..Shader::default()
+    };
+    for words in shader.run() {
+        assert_eq!(words[..7], [0x61, 0x65, 2, 3, 0xFFFF_FFFF, 3, 4]);
+    }
+}
+
+#[test]
+fn constant_data_has_the_size_of_its_array() {
+    let refused = |declarations: &str| {
+        let capabilities = "OpCapability ConstantDataKHR\nOpExtension \"SPV_KHR_constant_data\"";
+        Shader { capabilities, declarations, ..Shader::default() }.refused()
+    };
+    let error = refused("%chars = OpTypeArray %uchar %u5\n%data = OpConstantDataKHR %chars 1");
+    assert_eq!(error.message(), "OpConstantDataKHR: 1 words of data for 5 elements of 8 bits, which take 2");
+    for declarations in [
+        "%data = OpConstantDataKHR %uint 1",
+        "%floats = OpTypeArray %float %u2\n%data = OpConstantDataKHR %floats 1 2",
+    ] {
+        let error = refused(declarations);
+        assert!(error.message().contains("expected an array of integers"), "{}", error.render());
+    }
+}
+
+/// `SPV_KHR_abort`: the message is that of the invocation, and what it has stored before stays.
+#[test]
+fn an_abort_ends_the_invocation_with_its_message() {
+    let shader = Shader {
+        capabilities: "OpCapability ConstantDataKHR\nOpExtension \"SPV_KHR_constant_data\"
+            OpCapability AbortKHR\nOpExtension \"SPV_KHR_abort\"",
+        annotations: "
+            OpDecorate %text UTFEncodedKHR
+            OpDecorate %text_x UTFEncodedKHR
+            OpDecorate %text_x ArrayStride 1
+            OpDecorate %bytes_x ArrayStride 1
+            OpMemberDecorate %message_x 0 Offset 0
+            OpMemberDecorate %message_x 1 Offset 4
+            OpMemberDecorate %message_x 2 Offset 8
+            OpMemberDecorate %message_x 3 Offset 16",
+        declarations: "
+            %text = OpTypeArray %uchar %u4
+            %bytes = OpTypeArray %uchar %u2
+            %words = OpConstantDataKHR %text 0x0075253A
+            %two_bytes = OpConstantDataKHR %bytes 0x0807
+            %message = OpTypeStruct %text %uint %ulong %bytes
+            %text_x = OpTypeArray %uchar %u4
+            %bytes_x = OpTypeArray %uchar %u2
+            %message_x = OpTypeStruct %text_x %uint %ulong %bytes_x",
+        body: "
+            %aborts = OpUGreaterThanEqual %bool %id %u7
+            OpSelectionMerge %end None
+            OpBranchConditional %aborts %abort %end
+            %abort = OpLabel
+            %wide = OpUConvert %ulong %id
+            %made = OpCompositeConstruct %message %words %id %wide %two_bytes
+            OpAbortKHR %message_x %made
+            %end = OpLabel",
+        ..Shader::default()
+    };
+    let error = shader.refused();
+    let trap = error.trap().expect("a trap");
+    // ":%u" is the format of the first number.
+    let message = ":7 7 7 8".to_owned();
+    assert_eq!((trap.code, trap.launch_id), (TrapCode::Aborted, [7, 0, 0]));
+    assert_eq!(trap.operands, TrapOperands::Abort { message });
+    assert!(error.render().contains(":7 7 7 8"), "{}", error.render());
+    let wrong = shader.body.replace("%message_x %made", "%text_x %made");
+    let error = Shader { body: &wrong, ..shader }.refused();
+    assert!(error.message().starts_with("OpAbortKHR: a message of type "), "{}", error.render());
 }

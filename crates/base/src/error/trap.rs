@@ -213,6 +213,12 @@ pub enum TrapOperands {
         /// What is wrong with them.
         rule: &'static str,
     },
+    /// What the shader says of an abort.
+    Abort {
+        /// The message: texts before the first number are the format of what follows, as
+        /// `debugPrintfEXT` has it; values without a place in it are behind it.
+        message: String,
+    },
     /// The hit kind of a report.
     HitKind {
         /// The hit kind; 127 is the greatest that a shader may report.

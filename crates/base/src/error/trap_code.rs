@@ -107,6 +107,9 @@ trap_codes! {
     /// `OpUnreachable` was reached.
     Unreachable = "unreachable",
         "OpUnreachable was reached";
+    /// `OpAbortKHR` was executed: the report has its message.
+    Aborted = "aborted",
+        "the shader aborted (SPV_KHR_abort)";
     /// The invocation has executed as many instructions as its fuel allows.
     OutOfFuel = "out_of_fuel",
         "the invocation ran out of fuel: an endless loop?";

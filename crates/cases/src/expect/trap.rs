@@ -1,7 +1,7 @@
 //! `[expect.trap]`: how the launch must end.
 
 use crate::expect::{Difference, Subject};
-use anyhit_base::error::Error;
+use anyhit_base::error::{Error, TrapOperands};
 use anyhit_engine::machine::TrapCode;
 use anyhit_scene::read::{Named, Parse, Spanned, Table, TomlValue};
 
@@ -14,6 +14,8 @@ pub struct TrapExpectation {
     pub launch_id: Option<Spanned<[u32; 3]>>,
     /// The line of the shader's source.
     pub line: Option<Spanned<u32>>,
+    /// The message of an abort.
+    pub message: Option<Spanned<String>>,
     /// Why this is expected.
     pub because: Option<String>,
 }
@@ -38,15 +40,17 @@ impl Named for TrapName {
 impl Parse for TrapExpectation {
     fn parse(value: TomlValue<'_>) -> Option<Self> {
         if value.text().is_some() {
-            return Some(Self { code: Spanned::parse(value)?, launch_id: None, line: None, because: None });
+            let code = Spanned::parse(value)?;
+            return Some(Self { code, launch_id: None, line: None, message: None, because: None });
         }
         let table = Table::new(value)?;
         let code = table.required("code");
         let launch_id = table.optional("launch_id");
         let line = table.optional("line");
+        let message = table.optional("message");
         let because = table.optional("because");
         table.finish();
-        Some(Self { code: code?, launch_id, line, because })
+        Some(Self { code: code?, launch_id, line, message, because })
     }
 }
 
@@ -87,6 +91,21 @@ impl TrapExpectation {
                 difference = difference.mended(&line.span, other.to_string(), because);
             }
             found.push(difference);
+        }
+        if let Some(message) = &self.message {
+            let told = match &trap.operands {
+                TrapOperands::Abort { message } => Some(message),
+                _ => None,
+            };
+            if told != Some(&message.value) {
+                let text =
+                    told.map_or("without a message".to_owned(), |told| format!("with the message {told:?}"));
+                let difference = Difference::new(&message.span, format!("trapped {text}: {error}"), because);
+                found.push(match told {
+                    Some(told) => difference.mended(&message.span, format!("{told:?}"), because),
+                    None => difference,
+                });
+            }
         }
     }
 }

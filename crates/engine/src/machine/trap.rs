@@ -68,6 +68,8 @@ pub enum AccessFault {
     ImageFile(Arc<Error>),
     /// A record of the hit table: what its index is the sum of.
     HitRecord(HitRecordTerms),
+    /// The message of an abort.
+    Message(Arc<str>),
 }
 
 /// What the index of a hit record is made of: the first, and the second times the third, and the

@@ -33,6 +33,8 @@ pub enum ConstantValue {
     Scalar(u64),
     /// Ids of the constituents.
     Composite(Vec<Id>),
+    /// The bytes of an array of integers (`OpConstantDataKHR`), packed and little-endian.
+    Data(Vec<u8>),
     /// `OpConstantNull`.
     Null,
     /// `OpUndef` at module scope.
@@ -113,6 +115,37 @@ impl Module {
         .note(self.list_specializations()))
     }
 
+    /// Overrides the data of the specialization constants with this `SpecId`
+    /// (`OpSpecConstantDataKHR`): the elements of an array of integers, packed and little-endian.
+    /// An array of another length needs its own specialization constant set, too
+    /// (`SPV_KHR_constant_data`).
+    ///
+    /// # Errors
+    /// `InvalidArgument` where the module has no such constant, with a list of those that it has.
+    pub fn specialize_data(&mut self, spec_id: u32, bytes: &[u8]) -> Result<()> {
+        let mut found = false;
+        for constant in &mut self.constants {
+            if constant.spec_id == Some(spec_id)
+                && let ConstantValue::Data(data) = &mut constant.value
+            {
+                *data = bytes.to_vec();
+                found = true;
+            }
+        }
+        if found {
+            return Ok(());
+        }
+        let message = format!("the module has no specialization constant {spec_id} of data");
+        Err(Error::new(ErrorKind::InvalidArgument, message).note(self.list_specializations()))
+    }
+
+    /// Returns true if the specialization constants with this `SpecId` are data.
+    #[doc(hidden)]
+    pub fn specializes_data(&self, spec_id: u32) -> bool {
+        let is_data = |constant: &Constant| matches!(constant.value, ConstantValue::Data(_));
+        self.constants.iter().any(|constant| constant.spec_id == Some(spec_id) && is_data(constant))
+    }
+
     /// The type of the scalar specialization constants with this `SpecId`.
     #[doc(hidden)]
     pub fn specialization_type(&self, spec_id: u32) -> Option<TypeId> {
@@ -143,7 +176,7 @@ impl Module {
         let mut known: Vec<(u32, String)> = self
             .constants
             .iter()
-            .filter(|constant| matches!(constant.value, ConstantValue::Scalar(_)))
+            .filter(|constant| matches!(constant.value, ConstantValue::Scalar(_) | ConstantValue::Data(_)))
             .filter_map(|constant| {
                 let name = self.name(constant.id).map(|name| format!(" `{name}`")).unwrap_or_default();
                 let spec_id = constant.spec_id?;

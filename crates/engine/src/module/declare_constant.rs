@@ -81,6 +81,9 @@ impl Loader<'_> {
                 self.check_constituents(span, ty)?;
                 ConstantValue::Composite((at..span.end).map(|at| self.id(at)).collect())
             }
+            Opcode::ConstantDataKHR | Opcode::SpecConstantDataKHR => {
+                ConstantValue::Data(self.constant_data(span, ty)?)
+            }
             Opcode::ConstantNull => ConstantValue::Null,
             Opcode::Undef | Opcode::PoisonKHR => ConstantValue::Undef,
             Opcode::SpecConstantOp => ConstantValue::Operation {
@@ -91,6 +94,35 @@ impl Loader<'_> {
             },
             _ => ConstantValue::Other(span.opcode),
         })
+    }
+
+    /// The bytes of an array of integers, as `SPV_KHR_constant_data` packs them.
+    fn constant_data(&self, span: Span, ty: TypeId) -> Result<Vec<u8>> {
+        let rule = "SPV_KHR_constant_data: Result Type must be an array of scalar integer type elements";
+        let (length, width) = match *self.module.ty(ty) {
+            Type::Array { element, length, .. } => match *self.module.ty(element) {
+                Type::Int { width, .. } => (length, width),
+                _ => return Err(self.expected(span, span.start + 1, "an array of integers").note(rule)),
+            },
+            _ => return Err(self.expected(span, span.start + 1, "an array of integers").note(rule)),
+        };
+        let data = &self.words[span.start + 3..span.end];
+        let mut bytes: Vec<u8> = data.iter().flat_map(|word| word.to_le_bytes()).collect();
+        // The length of an operation is not known here: that of the data is compared where it is used.
+        if let Some(length) = self.module.scalar_value(length) {
+            let size = length.saturating_mul(u64::from(width / 8));
+            if size.div_ceil(4) != data.len() as u64 {
+                let message = format!(
+                    "{}: {} words of data for {length} elements of {width} bits, which take {}",
+                    span.opcode,
+                    data.len(),
+                    size.div_ceil(4)
+                );
+                return Err(invalid(span.start, message));
+            }
+            bytes.truncate(size as usize);
+        }
+        Ok(bytes)
     }
 
     /// Checks that each constituent is a constant of the type that the composite has there.

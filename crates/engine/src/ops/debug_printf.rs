@@ -1,4 +1,5 @@
-//! `NonSemantic.DebugPrintf`: formatted text, with the formats of `GL_EXT_debug_printf`.
+//! Texts that shaders write: `NonSemantic.DebugPrintf` with the formats of `GL_EXT_debug_printf`, and
+//! the message of `OpAbortKHR`.
 //!
 //! `%[flags][width][.precision][vN][h|l|ll]conversion` with the conversions d i u o x X f F e E g G
 //! a A c p and s, for an `OpString`. `vN` (2 to 4) prints a
@@ -9,10 +10,10 @@
 use std::fmt::Write as _;
 use std::sync::Arc;
 
-use crate::machine::{Batch, Bindings, Reg};
+use crate::machine::{AccessFault, Batch, Bindings, Reg, TrapCode};
 use crate::ops::access::Access;
 
-pub use translate::translate;
+pub use translate::{abort, translate};
 
 mod translate;
 
@@ -42,15 +43,26 @@ pub enum Argument {
     },
     /// An `OpString`.
     Text(Arc<str>),
+    /// The registers of an array of 8-bit integers: a text in UTF-8, up to its first zero.
+    Characters(Vec<Reg>),
 }
 
-/// Prints a text for each running lane.
+/// Writes a text for each running lane.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PrintOp {
-    /// The format.
-    pub format: Arc<str>,
+    /// What becomes of it.
+    pub output: PrintOutput,
     /// The arguments.
     pub arguments: Arc<[Argument]>,
+}
+
+/// What becomes of a text.
+#[derive(Clone, Debug, PartialEq)]
+pub enum PrintOutput {
+    /// `DebugPrintf` prints it in this format.
+    Printed(Arc<str>),
+    /// `OpAbortKHR` ends the invocation with it.
+    Abort,
 }
 
 impl PrintOp {
@@ -58,32 +70,91 @@ impl PrintOp {
     pub fn accesses(&self, visit: &mut dyn FnMut(Access)) {
         visit(Access::Effect);
         for argument in &*self.arguments {
-            let Argument::Numbers { scalar, components } = argument else { continue };
-            let words = if scalar.is_wide() { 2 } else { 1 };
-            components.iter().for_each(|&reg| visit(Access::Read(reg, words)));
+            let words = if argument.is_wide() { 2 } else { 1 };
+            argument.registers().iter().for_each(|&reg| visit(Access::Read(reg, words)));
         }
     }
 
     /// Runs the operation for the running lanes.
-    pub fn eval<const W: usize>(&self, batch: &Batch<W>, bindings: &Bindings) {
-        let Some(printed) = &bindings.printed else { return };
-        for lane in batch.mask.lanes() {
-            let mut arguments = self.arguments.iter().map(|argument| {
-                let (scalar, components) = match argument {
-                    Argument::Numbers { scalar, components } => (*scalar, components),
-                    Argument::Text(text) => return vec![Value::Text(text.clone())],
-                };
-                let value = |&reg: &Reg| {
-                    let high = if scalar.is_wide() { batch.registers[reg.plus(1)].0[lane] } else { 0 };
-                    let bits = u64::from(batch.registers[reg].0[lane]) | u64::from(high) << 32;
-                    scalar.value(bits)
-                };
-                components.iter().map(value).collect::<Vec<_>>()
-            });
-            let launch_id = batch.invocations.launch_id(lane);
-            printed.push(bindings.printed_bytes, launch_id, || format_text(&self.format, &mut arguments));
+    pub fn eval<const W: usize>(&self, batch: &mut Batch<W>, bindings: &Bindings) {
+        match &self.output {
+            PrintOutput::Printed(format) => {
+                let Some(printed) = &bindings.printed else { return };
+                for lane in batch.mask.lanes() {
+                    let mut arguments = self.arguments.iter().map(|argument| argument.values(batch, lane));
+                    let launch_id = batch.invocations.launch_id(lane);
+                    printed.push(bindings.printed_bytes, launch_id, || format_text(format, &mut arguments));
+                }
+            }
+            PrintOutput::Abort => {
+                for lane in batch.mask.lanes() {
+                    let values = self.arguments.iter().map(|argument| argument.values(batch, lane));
+                    let message = abort_message(values.collect());
+                    batch.record_access_fault(lane, AccessFault::Message(message.into()));
+                }
+                batch.trap(batch.mask, TrapCode::Aborted, batch.op);
+            }
         }
     }
+}
+
+impl Argument {
+    /// The first register of each component or character.
+    pub fn registers(&self) -> &[Reg] {
+        match self {
+            Self::Numbers { components, .. } => components,
+            Self::Text(_) => &[],
+            Self::Characters(registers) => registers,
+        }
+    }
+
+    fn is_wide(&self) -> bool {
+        matches!(self, Self::Numbers { scalar, .. } if scalar.is_wide())
+    }
+
+    fn values<const W: usize>(&self, batch: &Batch<W>, lane: usize) -> Vec<Value> {
+        let word = |reg: Reg| batch.registers[reg].0[lane];
+        match self {
+            Self::Numbers { scalar, components } => {
+                let value = |&reg: &Reg| {
+                    let high = if scalar.is_wide() { word(reg.plus(1)) } else { 0 };
+                    scalar.value(u64::from(word(reg)) | u64::from(high) << 32)
+                };
+                components.iter().map(value).collect()
+            }
+            Self::Text(text) => vec![Value::Text(text.clone())],
+            Self::Characters(registers) => {
+                let bytes = registers.iter().map(|&reg| word(reg) as u8);
+                let bytes: Vec<u8> = bytes.take_while(|&byte| byte != 0).collect();
+                vec![Value::Text(String::from_utf8_lossy(&bytes).into())]
+            }
+        }
+    }
+}
+
+/// The message of an abort: the texts before the first number are the format of what follows, and
+/// values that it has no place for are behind it.
+fn abort_message(values: Vec<Vec<Value>>) -> String {
+    let mut values = values.into_iter().peekable();
+    let mut format = String::new();
+    while let Some([Value::Text(text)]) = values.peek().map(Vec::as_slice) {
+        format += text;
+        values.next();
+    }
+    let mut message = match values.peek() {
+        Some(_) => format_text(&format, &mut values),
+        None => format,
+    };
+    for value in values {
+        let parts: Vec<String> = value.iter().map(Value::to_string).collect();
+        let separator = if message.is_empty() { "" } else { " " };
+        message += separator;
+        message += &match parts.len() {
+            1 => parts.concat(),
+            _ => format!("({})", parts.join(", ")),
+        };
+    }
+    message
 }
 
 impl PrintScalar {
@@ -110,6 +181,17 @@ enum Value {
     Unsigned(u64),
     Float(f64),
     Text(Arc<str>),
+}
+
+impl std::fmt::Display for Value {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Signed(value, _) => value.fmt(f),
+            Self::Unsigned(value) => value.fmt(f),
+            Self::Float(value) => value.fmt(f),
+            Self::Text(text) => text.fmt(f),
+        }
+    }
 }
 
 /// The part of a directive between `%` and the conversion.
@@ -339,6 +421,25 @@ fn hexadecimal(value: f64, precision: Option<usize>) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn messages_of_aborts_have_a_format_and_a_rest() {
+        let text = |text: &str| vec![Value::Text(text.into())];
+        let seven = vec![Value::Unsigned(7)];
+        let pair = vec![Value::Float(0.5), Value::Float(-2.0)];
+        for (values, expected) in [
+            (vec![], ""),
+            (vec![text("50% of 3")], "50% of 3"),
+            // The example of SPV_KHR_abort: two strings and a value.
+            (vec![text("test: "), text("%u"), seven.clone()], "test: 7"),
+            (vec![text("%v2f, %u"), pair.clone(), seven.clone()], "0.500000, -2.000000, 7"),
+            (vec![text("count"), seven.clone(), pair.clone()], "count 7 (0.5, -2)"),
+            (vec![seven.clone(), text("%u")], "7 %u"),
+            (vec![text("%s of %u"), seven.clone()], "7 of %?"),
+        ] {
+            assert_eq!(abort_message(values), expected);
+        }
+    }
 
     fn print(format: &str, value: Value) -> String {
         format_text(format, &mut [vec![value]].into_iter())

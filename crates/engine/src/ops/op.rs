@@ -26,7 +26,7 @@ pub enum Op {
     Atomic(Box<atomic::AtomicOp>),
     /// Subgroup instructions.
     Subgroup(Box<subgroup::SubgroupOp>),
-    /// `DebugPrintf`.
+    /// `DebugPrintf` and `OpAbortKHR`.
     Print(debug_printf::PrintOp),
     /// Image instructions.
     Image(image::ImageOp),

@@ -30,6 +30,10 @@ impl Program {
                 .get(fault_value as usize)
                 .map_or(TrapOperands::None, |rule| TrapOperands::Ray { rule: rule.describe() }),
             TrapCode::InvalidHitKind => TrapOperands::HitKind { hit_kind: fault_value as u32 },
+            TrapCode::Aborted => match accessed {
+                Some(AccessFault::Message(message)) => TrapOperands::Abort { message: message.to_string() },
+                _ => TrapOperands::None,
+            },
             // A handle that is no descriptor is a device address.
             TrapCode::AccelerationStructureMissing if (fault_value >> 32) as u32 == STRUCTURE_HANDLE => {
                 TrapOperands::Descriptor { descriptor: self.descriptor_element(fault_value as u32) }
@@ -176,7 +180,8 @@ impl Program {
             AccessFault::Buffer { handle: None, .. }
             | AccessFault::Address { .. }
             | AccessFault::ImageFile(_)
-            | AccessFault::HitRecord(_) => TrapOperands::None,
+            | AccessFault::HitRecord(_)
+            | AccessFault::Message(_) => TrapOperands::None,
         }
     }
 

@@ -45,6 +45,10 @@ rules! {
         "OpUnreachable is not executed."
         "SPIR-V, OpUnreachable"
         "return a value on every path of the function; an endless loop without effects may end here, too"
+    ABORT "abort" Lint
+        "The shader does not abort."
+        "SPV_KHR_abort"
+        "the message says what the shader found; an explanation of the invocation shows how it came to it"
     LOOP_ENDLESS "loop-endless" Limit
         "A loop ends within the fuel and the time of the launch."
         "a limit of this run: fuel, timeout or batch_timeout"

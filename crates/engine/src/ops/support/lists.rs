@@ -105,6 +105,8 @@ pub(super) const READ_BY_MODULE_AND_PROGRAM: Groups<Opcode> = &[
             Opcode::SpecConstantOp,
             Opcode::ConstantCompositeReplicateEXT,
             Opcode::SpecConstantCompositeReplicateEXT,
+            Opcode::ConstantDataKHR,
+            Opcode::SpecConstantDataKHR,
         ],
     ),
     (
@@ -125,6 +127,7 @@ pub(super) const READ_BY_MODULE_AND_PROGRAM: Groups<Opcode> = &[
             Opcode::Return,
             Opcode::ReturnValue,
             Opcode::Unreachable,
+            Opcode::AbortKHR,
             Opcode::IgnoreIntersectionKHR,
             Opcode::TerminateRayKHR,
             Opcode::IgnoreIntersectionNV,
@@ -135,7 +138,6 @@ pub(super) const READ_BY_MODULE_AND_PROGRAM: Groups<Opcode> = &[
 
 /// Opcodes that do not run yet and need no capability of their own, or one that others need too.
 pub(super) const UNSUPPORTED_OPCODES: Groups<Opcode> = &[
-    ("aborts", &[Opcode::AbortKHR, Opcode::ConstantDataKHR, Opcode::SpecConstantDataKHR]),
     ("images", &[Opcode::ImageGatherQCOM]),
     (
         "other arithmetic",

@@ -76,7 +76,10 @@ impl Translator<'_> {
                     let part = self.module.words.get(constant.offset as usize + 3);
                     part.into_iter().for_each(|&part| need(Id(part)));
                 }
-                ConstantValue::Scalar(_) | ConstantValue::Null | ConstantValue::Undef => {}
+                ConstantValue::Scalar(_)
+                | ConstantValue::Data(_)
+                | ConstantValue::Null
+                | ConstantValue::Undef => {}
             }
             types.push(constant.ty);
             while let Some(ty) = types.pop() {

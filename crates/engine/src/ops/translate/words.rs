@@ -148,6 +148,7 @@ impl Translator<'_> {
                 }
                 Ok(words)
             }
+            ConstantValue::Data(bytes) => self.data_words(constant.ty, &bytes),
             ConstantValue::Undef if !self.optimizes => self.undefined_constant(constant.id, constant.ty),
             ConstantValue::Null | ConstantValue::Undef => self.zero(constant.ty),
             ConstantValue::Operation { opcode, operands } => {
@@ -170,6 +171,25 @@ impl Translator<'_> {
         if self.word_count(constant.ty)? as usize != words.len() {
             let name = self.module.describe_type(constant.ty);
             return Err(self.invalid(format!("the constant %{} is not a {name}", constant.id.0)));
+        }
+        Ok(words)
+    }
+
+    /// The words of an array of integers, from its packed bytes.
+    fn data_words(&mut self, ty: TypeId, bytes: &[u8]) -> Result<Words> {
+        let &Type::Array { element, .. } = self.module.ty(ty) else { return Ok(Words::new()) };
+        let width = self.scalar_width(element)?;
+        let mut words = Words::new();
+        self.word_count(ty)?;
+        for element in bytes.chunks_exact(width as usize / 8) {
+            let bits = element.iter().rev().fold(0, |bits, &byte| bits << 8 | u64::from(byte));
+            match width {
+                64 => {
+                    let reg = self.wide_constant(bits)?;
+                    words.extend([reg, reg.plus(1)]);
+                }
+                _ => words.push(self.constant(bits as u32)?),
+            }
         }
         Ok(words)
     }

@@ -4,6 +4,7 @@ use smallvec::SmallVec;
 
 use crate::machine::{Exit, Reg};
 use crate::module::{Id, Instruction, Module, Opcode};
+use crate::ops::debug_printf;
 use crate::ops::memory;
 use crate::ops::op::Op;
 use crate::ops::operand_types;
@@ -78,6 +79,10 @@ impl Lowering<'_> {
                 self.leave(site);
             }
             Opcode::Unreachable => self.end(Terminator::Unreachable),
+            Opcode::AbortKHR => {
+                debug_printf::abort(&mut self.translator, instruction)?;
+                self.end(Terminator::Unreachable);
+            }
             Opcode::IgnoreIntersectionKHR => self.end(Terminator::Exit(Exit::Ignored)),
             Opcode::TerminateRayKHR => self.end(Terminator::Exit(Exit::Terminated)),
             opcode @ (Opcode::Kill | Opcode::TerminateInvocation) => {
