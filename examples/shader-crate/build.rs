@@ -1,8 +1,8 @@
 //! Compiles the GLSL and Slang of shaders/ into `OUT_DIR`, for the crate to include.
 //!
-//! If no compiler for a source is installed, the build uses the module in spirv/. Its hash must match
-//! the source, so that it cannot be stale. `UPDATE_SPIRV=1
-//! cargo build --features glsl` writes both anew.
+//! If no compiler for a source is installed, the build uses the module in spirv/. Its hash must
+//! match the source, so that it cannot be stale. `UPDATE_SPIRV=1 cargo build --features glsl`
+//! writes both anew.
 
 use std::error::Error;
 use std::path::Path;

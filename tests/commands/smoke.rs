@@ -6,7 +6,7 @@ use std::sync::{Arc, LazyLock, OnceLock};
 use anyhit_cases::smoke::{BlockCoverage, EntryReport, SmokeOptions, SmokeReport, SmokeVerdict};
 use anyhit_engine::machine::LaunchLimits;
 use anyhit_engine::module;
-use rspirv::spirv::Op;
+use anyhit_engine::module::Opcode;
 
 use crate::support::{assembly, files};
 
@@ -238,8 +238,8 @@ fn instructions(words: &[u32]) -> impl Iterator<Item = &[u32]> {
     })
 }
 
-fn opcode(instruction: &[u32]) -> Op {
-    Op::from_u32(instruction[0] & 0xffff).expect("an opcode")
+fn opcode(instruction: &[u32]) -> Opcode {
+    Opcode::of_word(instruction[0])
 }
 
 fn run_words(words: &[u32]) -> SmokeReport {
@@ -249,14 +249,16 @@ fn run_words(words: &[u32]) -> SmokeReport {
 /// Where t_min and t_max stand in an instruction, in words.
 fn interval(instruction: &[u32]) -> Option<[usize; 2]> {
     match opcode(instruction) {
-        Op::TraceRayKHR | Op::TraceNV | Op::TraceRayMotionNV | Op::TraceMotionNV => Some([8, 10]),
-        Op::RayQueryInitializeKHR => Some([6, 8]),
-        Op::HitObjectTraceRayNV
-        | Op::HitObjectTraceRayMotionNV
-        | Op::HitObjectTraceRayEXT
-        | Op::HitObjectTraceRayMotionEXT
-        | Op::HitObjectTraceReorderExecuteEXT
-        | Op::HitObjectTraceMotionReorderExecuteEXT => Some([9, 11]),
+        Opcode::TraceRayKHR | Opcode::TraceNV | Opcode::TraceRayMotionNV | Opcode::TraceMotionNV => {
+            Some([8, 10])
+        }
+        Opcode::RayQueryInitializeKHR => Some([6, 8]),
+        Opcode::HitObjectTraceRayNV
+        | Opcode::HitObjectTraceRayMotionNV
+        | Opcode::HitObjectTraceRayEXT
+        | Opcode::HitObjectTraceRayMotionEXT
+        | Opcode::HitObjectTraceReorderExecuteEXT
+        | Opcode::HitObjectTraceMotionReorderExecuteEXT => Some([9, 11]),
         _ => None,
     }
 }
@@ -339,7 +341,7 @@ fn debug_information_and_the_order_of_declarations_change_nothing() {
     for fixture in &*FIXTURES {
         let (name, words) = (&fixture.name, &fixture.words);
         let debug: Vec<u32> = instructions(words)
-            .filter(|one| opcode(one) == Op::ExtInstImport)
+            .filter(|one| opcode(one) == Opcode::ExtInstImport)
             .filter(|one| {
                 let name: Vec<u8> = one[2..].iter().flat_map(|word| word.to_le_bytes()).collect();
                 name.windows(9).any(|window| window == b"DebugInfo")
@@ -347,17 +349,19 @@ fn debug_information_and_the_order_of_declarations_change_nothing() {
             .map(|one| one[1])
             .collect();
         let keeps = |one: &&[u32]| match opcode(one) {
-            Op::Source | Op::SourceContinued | Op::SourceExtension | Op::ModuleProcessed => false,
-            Op::Name | Op::MemberName | Op::Line | Op::NoLine => false,
-            Op::ExtInstImport => !debug.contains(&one[1]),
-            Op::ExtInst | Op::ExtInstWithForwardRefsKHR => !debug.contains(&one[3]),
+            Opcode::Source | Opcode::SourceContinued | Opcode::SourceExtension | Opcode::ModuleProcessed => {
+                false
+            }
+            Opcode::Name | Opcode::MemberName | Opcode::Line | Opcode::NoLine => false,
+            Opcode::ExtInstImport => !debug.contains(&one[1]),
+            Opcode::ExtInst | Opcode::ExtInstWithForwardRefsKHR => !debug.contains(&one[3]),
             _ => true,
         };
         let kept: Vec<&[u32]> = instructions(words).filter(keeps).collect();
         let assemble = |kept: &[&[u32]]| [&words[..5], &kept.concat()].concat();
-        let is_decoration = |one: &&[u32]| matches!(opcode(one), Op::Decorate | Op::MemberDecorate);
-        let first = kept.iter().position(|one| opcode(one) == Op::Function).unwrap_or(kept.len());
-        let is_variable = |one: &&[u32]| opcode(one) == Op::Variable;
+        let is_decoration = |one: &&[u32]| matches!(opcode(one), Opcode::Decorate | Opcode::MemberDecorate);
+        let first = kept.iter().position(|one| opcode(one) == Opcode::Function).unwrap_or(kept.len());
+        let is_variable = |one: &&[u32]| opcode(one) == Opcode::Variable;
         let mut reordered: Vec<&[u32]> = Vec::new();
         let head = &kept[..first];
         let mut decorations: Vec<&[u32]> = head.iter().copied().filter(is_decoration).collect();

@@ -10,7 +10,7 @@ use crate::support::terminal::{Terminal, run};
 const COLUMNS: [u16; 2] = [80, 120];
 const DEMO: &str = "scenes/swept-spheres.toml";
 
-/// Writes the scene of the demo with 100 times the grass, which takes seconds to read.
+/// Writes the scene of the demo with 100 times the grass, which takes seconds to read and build.
 fn write_large_scene(folder: &Path) -> String {
     let root = env!("CARGO_MANIFEST_DIR");
     let read = |name: &str| {
@@ -50,11 +50,12 @@ fn can_interrupt(test: &str) -> bool {
 }
 
 #[test]
-fn large_scenes_show_that_they_are_loaded() {
+fn large_scenes_show_their_progress() {
     if can_interrupt(test_name!()) {
         let folder = scratch("terminal-large");
         let (scene, picture) = (write_large_scene(&folder), at(&folder, "large.png"));
-        let phases = ["loading the scene", "building the scene"];
+        // The first ray builds the acceleration structure.
+        let phases = ["loading the scene", "building the scene", "rendering"];
         shows(&phases, &["render", &scene, "--size", "8x8", "-o", &picture]);
     }
 }

@@ -2,6 +2,7 @@
 
 mod atomic_order;
 mod atomics;
+mod barriers;
 mod builtins;
 mod calls;
 mod constants;
@@ -26,5 +27,6 @@ mod resources;
 mod run;
 mod sharing;
 mod subgroups;
+mod untyped_pointers;
 mod verdicts;
 mod workgroup;

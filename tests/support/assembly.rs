@@ -3,7 +3,7 @@
 
 use std::collections::HashMap;
 
-use anyhit_engine::module::Opcode;
+use anyhit_engine::module::{Opcode, names};
 use rspirv::grammar::{ExtInstOp, GLSL_STD_450_INSTRUCTION_TABLE, OperandKind, OperandQuantifier};
 use rspirv::spirv;
 
@@ -154,5 +154,17 @@ fn enumerant(kind: OperandKind, name: &str) -> Option<u32> {
             }
         };
     }
-    kinds!(Capability AddressingModel MemoryModel ExecutionModel ExecutionMode StorageClass Decoration BuiltIn ImageFormat GroupOperation PackedVectorFormat SourceLanguage)
+    let known = kinds!(Capability AddressingModel MemoryModel ExecutionModel ExecutionMode StorageClass Decoration BuiltIn ImageFormat GroupOperation PackedVectorFormat SourceLanguage);
+    known.or_else(|| added_enumerant(kind, name))
+}
+
+/// The number of an enumerant that the crate's table lacks.
+fn added_enumerant(kind: OperandKind, name: &str) -> Option<u32> {
+    let name_of = match kind {
+        OperandKind::Capability => names::capability_name,
+        OperandKind::Decoration => names::decoration_name,
+        OperandKind::ExecutionMode => names::execution_mode_name,
+        _ => return None,
+    };
+    (0..8192).find(|&number| name_of(number) == name)
 }

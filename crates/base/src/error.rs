@@ -179,11 +179,19 @@ impl Error {
         Self::new(ErrorKind::Io, format!("{}: {source}", escape::path(&path.as_ref()))).caused_by(source)
     }
 
-    /// The error of a trap, with the message of its code.
+    /// The error of a trap, with the message of its code, or the beginning of that of an abort.
     #[doc(hidden)]
     #[cold]
     pub fn trapped(trap: Trap) -> Self {
-        let mut error = Self::new(ErrorKind::Trap, trap.code.message());
+        const MOST: usize = 1000;
+        let message = match &trap.operands {
+            TrapOperands::Abort { message } if !message.is_empty() => {
+                let cut = message.char_indices().nth(MOST).map(|(end, _)| format!("{}...", &message[..end]));
+                format!("the shader aborted: {}", cut.as_deref().unwrap_or(message))
+            }
+            _ => trap.code.message().to_owned(),
+        };
+        let mut error = Self::new(ErrorKind::Trap, message);
         error.0.trap = Some(Box::new(trap));
         error
     }

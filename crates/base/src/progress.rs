@@ -44,19 +44,19 @@ impl Work {
     fn begin(what: &str, steps: Option<u64>) -> Self {
         let is_shown = DEPTH.fetch_add(1, Ordering::Relaxed) == 0;
         let work = Self { is_shown };
-        if let Some(display) = work.display() {
+        if let Some(display) = work.shown_on() {
             display.begin(what, steps);
         }
         work
     }
 
-    fn display(&self) -> Option<&'static dyn ProgressDisplay> {
+    fn shown_on(&self) -> Option<&'static dyn ProgressDisplay> {
         DISPLAY.get().copied().filter(|_| self.is_shown)
     }
 
     /// Says that steps are done. Any thread may call it.
     pub fn advance(&self, steps: u64) {
-        if let Some(display) = self.display() {
+        if let Some(display) = self.shown_on() {
             display.advance(steps);
         }
     }
@@ -64,7 +64,7 @@ impl Work {
 
 impl Drop for Work {
     fn drop(&mut self) {
-        if let Some(display) = self.display() {
+        if let Some(display) = self.shown_on() {
             display.end();
         }
         DEPTH.fetch_sub(1, Ordering::Relaxed);

@@ -13,7 +13,7 @@ use anyhit_engine::machine::ShaderIndex;
 use anyhit_engine::module::decoration::number;
 use anyhit_engine::module::hit_ids::{HitId, HitIds};
 use anyhit_engine::module::ty::Type;
-use anyhit_engine::module::{Function, Id, Module, Opcode};
+use anyhit_engine::module::{Function, Id, Module};
 use anyhit_engine::program::Program;
 
 /// An array of a resource: set, binding, and the constant indices that lead to it.
@@ -74,17 +74,13 @@ fn indexings(program: &Program, shader: ShaderIndex) -> Vec<(ArrayKey, Indexing)
     let mut found = Vec::new();
     let functions = functions.into_iter().map(|function| &module.functions[function as usize]);
     for instruction in functions.flat_map(Function::instructions) {
-        let opcode = instruction.opcode;
-        let (Opcode::AccessChain | Opcode::InBoundsAccessChain, Some((&base, indices))) =
-            (opcode, module.operands(instruction).split_first())
-        else {
-            continue;
-        };
-        let Some((set, binding)) = binding(module, Id(base)) else { continue };
-        let Some(mut ty) = module.pointee(Id(base)) else { continue };
+        let chain = module.access_chain(instruction).filter(|chain| chain.element.is_none());
+        let Some(chain) = chain else { continue };
+        let Some((set, binding)) = binding(module, chain.base) else { continue };
+        let Some(mut ty) = module.chain_type(chain) else { continue };
         let mut constants = Vec::new();
-        let mut path = module.name(Id(base)).unwrap_or_default().to_owned();
-        for &index in indices {
+        let mut path = module.name(chain.base).unwrap_or_default().to_owned();
+        for &index in chain.indices {
             let constant = module.scalar_value(Id(index)).map(|value| value as u32);
             let is_array = matches!(module.ty(ty), Type::Array { .. } | Type::RuntimeArray { .. });
             if let Some(id) = ids.same(Id(index)).filter(|_| is_array) {

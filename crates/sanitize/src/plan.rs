@@ -281,7 +281,7 @@ fn subgroup_barriers(program: &Program) -> Vec<(BlockIndex, u32)> {
     let module = &program.module;
     let barriers = module.instructions().filter(|one| {
         let scope = module.operands(one).first().and_then(|&scope| module.scalar_value(Id(scope)));
-        one.opcode == Opcode::ControlBarrier && scope == Some(Scope::Subgroup as u64)
+        one.opcode.is_control_barrier() && scope == Some(Scope::Subgroup as u64)
     });
     let spans = |offset: u32| {
         let holds = move |span: &&InstructionSpan| (span.first..=span.last).contains(&offset);

@@ -185,7 +185,7 @@ impl Races {
         let instruction = instruction(program, place);
         let of_subgroup = match instruction.opcode {
             Opcode::MemoryBarrier => false,
-            Opcode::ControlBarrier => true,
+            opcode if opcode.is_control_barrier() => true,
             _ => return,
         };
         let Some(semantics) = self.order.semantics(&program.module, instruction, true) else { return };

@@ -491,12 +491,13 @@ fn line_of_read(program: &Program, builtin: u32) -> String {
         variables.filter(|&id| module.decorations.literal(id, number::BUILT_IN) == Some(builtin)).collect();
     let mut loads = Vec::new();
     for one in module.instructions() {
-        let base = module.operands(one).first().map(|&base| Id(base));
+        let chain = module.access_chain(one).map(|chain| chain.base);
+        let base = chain.or_else(|| module.operands(one).first().map(|&base| Id(base)));
         if !base.is_some_and(|base| pointers.contains(&base)) {
             continue;
         }
         match one.opcode {
-            Opcode::AccessChain | Opcode::InBoundsAccessChain => pointers.extend(one.result),
+            opcode if opcode.selects_part() => pointers.extend(one.result),
             Opcode::Load => loads.push(source_line_of(program, one.offset)),
             _ => {}
         }

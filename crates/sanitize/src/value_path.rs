@@ -3,7 +3,7 @@
 
 use rustc_hash::FxHashMap;
 
-use anyhit_engine::module::{Definition, Id, Instruction, Module, Opcode};
+use anyhit_engine::module::{Definition, Id, Module, Opcode};
 
 /// How the ids of a module's functions are made of each other.
 struct Sources<'a> {
@@ -44,20 +44,13 @@ impl<'a> Sources<'a> {
         sources
     }
 
-    /// The instruction in a function that an id is the result of.
-    fn result(&self, id: Id) -> Option<&'a Instruction> {
-        let Definition::Result(function, block, at) = self.module.definition(id)? else { return None };
-        let block = self.module.functions[function as usize].blocks.get(block as usize)?;
-        block.instructions.get(at as usize)
-    }
-
     /// The variable or parameter that a pointer points into.
     fn root(&self, pointer: Id) -> Id {
         let mut at = pointer;
-        while let Some(chain) = self.result(at).filter(|one| is_access_chain(one))
-            && let Some(&base) = self.module.operands(chain).first()
+        while let Some(made) = self.module.result_instruction(at)
+            && let Some(chain) = self.module.access_chain(made)
         {
-            at = Id(base);
+            at = chain.base;
         }
         at
     }
@@ -70,7 +63,7 @@ impl<'a> Sources<'a> {
             .flatten()
             .copied()
             .collect();
-        let Some(instruction) = self.result(id) else { return all };
+        let Some(instruction) = self.module.result_instruction(id) else { return all };
         match instruction.opcode {
             Opcode::Variable => {}
             Opcode::FunctionCall => {
@@ -81,21 +74,11 @@ impl<'a> Sources<'a> {
                 // What a callee stores through a pointer that it is given.
                 all.extend(operands.into_iter().skip(1));
             }
-            _ if is_access_chain(instruction) => all.push(self.root(id)),
+            _ if self.module.access_chain(instruction).is_some() => all.push(self.root(id)),
             _ => all.extend(self.module.operand_ids(instruction)),
         }
         all
     }
-}
-
-fn is_access_chain(instruction: &Instruction) -> bool {
-    matches!(
-        instruction.opcode,
-        Opcode::AccessChain
-            | Opcode::InBoundsAccessChain
-            | Opcode::PtrAccessChain
-            | Opcode::InBoundsPtrAccessChain
-    )
 }
 
 /// The names of what a value goes through from the instruction that made it to one that uses it, on
@@ -109,7 +92,7 @@ pub(super) fn names_on_path(module: &Module, user: u32, maker: u32) -> Vec<Strin
         module.operand_ids(user).into_iter().map(|id| (id, None)).collect();
     let mut at = 0;
     while let Some(&(id, _)) = open.get(at) {
-        if sources.result(id).is_some_and(|made| made.offset == maker) {
+        if module.result_instruction(id).is_some_and(|made| made.offset == maker) {
             let way = std::iter::successors(Some(at), |&at| open[at].1);
             let mut names: Vec<String> = way.filter_map(|at| name_of_value(module, open[at].0)).collect();
             names.dedup();

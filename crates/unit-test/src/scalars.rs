@@ -211,7 +211,7 @@ fn is_signed(module: &Module, builtin: &Builtin, value: &NestedScalars) -> bool 
     const BUILT_IN: u32 = 11;
     let declared = module.variables.iter().find_map(|variable| {
         let number = module.decorations.literal(variable.id, BUILT_IN)?;
-        let Type::Pointer { pointee: Some(ty), .. } = *module.ty(variable.pointer) else { return None };
+        let ty = variable.ty?;
         let scalar = match *module.ty(ty) {
             Type::Vector { component, .. } => component,
             _ => ty,

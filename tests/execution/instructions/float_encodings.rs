@@ -486,6 +486,78 @@ fn a_dot_product_of_bfloat16_is_rounded_at_the_end() {
     assert!(error.message().contains("BFloat16DotProductKHR"), "{}", error.render());
 }
 
+/// `SPV_VALVE_mixed_float_dot_product`: products in f32 and their sum, then the accumulator.
+#[test]
+fn dot_products_with_an_accumulator_are_summed_in_its_type() {
+    let capabilities = format!(
+        "{CAPABILITIES}
+         OpCapability DotProductFloat16AccFloat32VALVE
+         OpCapability DotProductFloat16AccFloat16VALVE
+         OpCapability DotProductBFloat16AccVALVE
+         OpCapability DotProductFloat8AccFloat32VALVE
+         OpExtension \"SPV_VALVE_mixed_float_dot_product\""
+    );
+    let declarations = format!(
+        "{TYPES}
+         %half2 = OpTypeVector %half 2
+         %e5x4 = OpTypeVector %e5 4
+         %large = OpConstant %half 0x7bff
+         %half_one = OpConstant %half 0x3c00
+         %larges = OpConstantComposite %half2 %large %half_one
+         %many = OpConstant %float 1.5
+         %half_three = OpConstant %half 0x4200
+         %half_pair = OpConstantComposite %half2 %half_three %half_one
+         %bf_one = OpConstant %bf 0x3f80
+         %bf_little = OpConstant %bf 0x3b80
+         %bf_pair = OpConstantComposite %bf2 %bf_one %bf_little
+         %bf_ones = OpConstantComposite %bf2 %bf_one %bf_one
+         %five = OpConstant %e5 0x3c
+         %fives = OpConstantComposite %e5x4 %five %five %five %five"
+    );
+    let body = "
+        %f = OpFDot2MixAcc32VALVE %float %larges %larges %many
+        %f_bits = OpBitcast %uint %f
+        out 0 %f_bits
+        %h = OpFDot2MixAcc16VALVE %half %half_pair %half_pair %half_three
+        %h_bits = OpBitcast %ushort %h
+        %h_word = OpUConvert %uint %h_bits
+        out 1 %h_word
+        %b = OpFDot2MixAcc16VALVE %bf %bf_pair %bf_ones %bf_little
+        %b_bits = OpBitcast %ushort %b
+        %b_word = OpUConvert %uint %b_bits
+        out 2 %b_word
+        %b32 = OpFDot2MixAcc32VALVE %float %bf_pair %bf_ones %many
+        %b32_bits = OpBitcast %uint %b32
+        out 3 %b32_bits
+        %e = OpFDot4MixAcc32VALVE %float %fives %fives %many
+        %e_bits = OpBitcast %uint %e
+        out 4 %e_bits";
+    let mixed = Shader { capabilities: &capabilities, ..shader(body, "", &declarations) };
+    // 65504^2 is beyond f16 and exact in f32, where 1 and 1.5 are lost behind it; 9 + 1 + 3;
+    // 1 + 2^-8 + 2^-8 rounded once; 1 + 2^-8 + 1.5; four products of 1.
+    let expected = [
+        (65504.0_f32 * 65504.0).to_bits(),
+        u32::from(f16::from_f32(13.0).to_bits()),
+        0x3F81,
+        (2.5 + 0.003_906_25_f32).to_bits(),
+        5.5_f32.to_bits(),
+    ];
+    assert!(mixed.run().iter().all(|words| words[..5] == expected), "{:x?}", mixed.run()[0]);
+    for (wrong, what) in [
+        ("%x = OpFDot2MixAcc32VALVE %float %fives %fives %many", "no such types are multiplied"),
+        ("%x = OpFDot2MixAcc16VALVE %half %half_pair %half_pair %many", "the accumulator that of the result"),
+        ("%x = OpFDot4MixAcc32VALVE %float %half_pair %half_pair %many", "no such types are multiplied"),
+    ] {
+        let error = Shader { body: wrong, ..mixed.clone() }.refused();
+        assert_eq!(error.kind(), ErrorKind::InvalidModule, "{}", error.render());
+        assert!(error.message().contains(what), "{}", error.render());
+    }
+    let error =
+        shader("%x = OpFDot2MixAcc16VALVE %half %half_pair %half_pair %half_three", "", &declarations)
+            .refused();
+    assert!(error.message().contains("DotProductFloat16AccFloat16VALVE"), "{}", error.render());
+}
+
 fn refused(body: &str) -> Error {
     let declarations = format!(
         "{TYPES}
@@ -556,7 +628,7 @@ fn what_the_extensions_do_not_list_is_invalid() {
         let error = shader(&format!("{name} = {conversion}"), annotation, &declarations).refused();
         assert_eq!(error.kind(), ErrorKind::UnsupportedModule, "{conversion}: {}", error.render());
     }
-    // BFloat16ArithmeticINTEL, which SPV_EXT_bfloat16_arithmetic has taken over.
+    // BFloat16ArithmeticINTEL (SPV_INTEL_bfloat16_arithmetic).
     let declarations = format!("{TYPES}\n%one = OpConstant %bf 0x3f80");
     let capabilities = format!("{CAPABILITIES}\nOpCapability 6226");
     let arithmetic = shader("%x = OpFAdd %bf %one %one", "", &declarations);

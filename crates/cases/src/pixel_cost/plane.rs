@@ -131,8 +131,8 @@ impl InvocationPlane {
         format!("{} {}s", sides.collect::<Vec<_>>().join(" x "), self.kind.word())
     }
 
-    /// Returns the numbers of its pixels, rows from the top, from those of all invocations in launch
-    /// order.
+    /// Returns the numbers of its pixels, rows from the top, from those of all invocations in
+    /// launch order.
     pub fn values(&self, all: &[f64]) -> Vec<f64> {
         let [width, height] = self.extent.map(|side| side as usize);
         let row = |y: usize| &all[y * self.stride as usize..][..width];

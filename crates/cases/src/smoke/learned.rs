@@ -9,7 +9,7 @@ use anyhit_base::sorted::{SortedMap, SortedSet};
 use anyhit_engine::machine::TrapCode;
 use anyhit_engine::module::interface::InterfaceVariable;
 use anyhit_engine::module::ty::{Type, TypeId};
-use anyhit_engine::module::{Definition, Id, Module, Opcode};
+use anyhit_engine::module::{Id, Module, Opcode};
 use anyhit_engine::ops::pointer::storage;
 use anyhit_engine::pipeline::Trapped;
 
@@ -240,19 +240,10 @@ impl UsedMemory<'_> {
 
 /// The pointer that a chain of access chains begins with.
 fn base(module: &Module, mut id: Id) -> Id {
-    const CHAINS: [Opcode; 4] = [
-        Opcode::AccessChain,
-        Opcode::InBoundsAccessChain,
-        Opcode::PtrAccessChain,
-        Opcode::InBoundsPtrAccessChain,
-    ];
-    while let Some(Definition::Result(function, block, at)) = module.definition(id) {
-        let block = &module.functions[function as usize].blocks[block as usize];
-        let instruction = &block.instructions[at as usize];
-        match module.operands(instruction).first() {
-            Some(&from) if CHAINS.contains(&instruction.opcode) => id = Id(from),
-            _ => break,
-        }
+    while let Some(made) = module.result_instruction(id)
+        && let Some(chain) = module.access_chain(made)
+    {
+        id = chain.base;
     }
     id
 }

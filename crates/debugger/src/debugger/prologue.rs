@@ -22,9 +22,9 @@ pub(super) fn body_offset(module: &Module, function: &Function) -> u32 {
             // Another line is a statement's.
             _ if *line.get_or_insert(line_of(module, instruction)) != line_of(module, instruction) => break,
             Opcode::Load | Opcode::CompositeExtract | Opcode::CopyObject | Opcode::FreezeKHR => {}
-            Opcode::AccessChain | Opcode::InBoundsAccessChain => {
-                let base = module.operands(instruction).first();
-                let is_known = base.is_some_and(|&base| pointers.contains(&Id(base)));
+            opcode if opcode.selects_part() => {
+                let chain = module.access_chain(instruction);
+                let is_known = chain.is_some_and(|chain| pointers.contains(&chain.base));
                 pointers.extend(instruction.result.filter(|_| is_known));
             }
             Opcode::Store

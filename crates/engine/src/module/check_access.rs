@@ -16,6 +16,19 @@ pub(super) fn instruction(module: &Module, instruction: &Instruction) -> Result<
     let first = instruction.operands.start as usize;
     let result_type = || instruction.result_type.and_then(|id| module.type_with_id(id));
     let access = AccessChecker { module, instruction };
+    if let Some(chain) = module.access_chain(instruction) {
+        let end = instruction.operands.end as usize;
+        let base = match chain.base_type {
+            Some(_) => {
+                access.pointee(first + 1)?;
+                Some(access.base_type(first)?)
+            }
+            None => access.pointee(first)?,
+        };
+        let Some(base) = base else { return Ok(()) };
+        let found = access.id_path(base, end - chain.indices.len())?;
+        return access.result_pointer(found, result_type());
+    }
     match instruction.opcode {
         Opcode::CompositeExtract => {
             let Some(composite) = access.value_type(first)? else { return Ok(()) };
@@ -28,16 +41,6 @@ pub(super) fn instruction(module: &Module, instruction: &Instruction) -> Result<
             access.check_same_type(Some(composite), result_type(), first + 1)?;
             let found = access.literal_path(composite, first + 2)?;
             access.check_same_type(found, object, first)
-        }
-        Opcode::AccessChain | Opcode::InBoundsAccessChain => {
-            let Some(base) = access.pointee(first)? else { return Ok(()) };
-            let found = access.id_path(base, first + 1)?;
-            access.result_pointer(found, result_type())
-        }
-        Opcode::PtrAccessChain | Opcode::InBoundsPtrAccessChain => {
-            let Some(base) = access.pointee(first)? else { return Ok(()) };
-            let found = access.id_path(base, first + 2)?;
-            access.result_pointer(found, result_type())
         }
         Opcode::Load => {
             let Some(pointee) = access.pointee(first)? else { return Ok(()) };
@@ -81,6 +84,12 @@ impl AccessChecker<'_> {
             None if self.module.definition(id).is_some() => Err(self.expected(at, "a value")),
             ty => Ok(ty),
         }
+    }
+
+    /// The type whose id is at a word.
+    fn base_type(&self, at: usize) -> Result<TypeId> {
+        let ty = self.module.type_with_id(Id(self.module.words[at]));
+        ty.ok_or_else(|| self.expected(at, "a type"))
     }
 
     /// What the pointer at a word points to; `None` for untyped pointers and unknown types.

@@ -18,7 +18,7 @@ use anyhit_base::error::{Error, ErrorKind, Place, Result};
 
 /// `SaturatedToLargestFloat8NormalConversionEXT`
 pub const SATURATED: u32 = 4216;
-/// `BFloat16ArithmeticINTEL`, of `SPV_EXT_bfloat16_arithmetic` and of its predecessor.
+/// `BFloat16ArithmeticINTEL`, of `SPV_INTEL_bfloat16_arithmetic`.
 const BFLOAT16_ARITHMETIC: u32 = 6226;
 
 /// The types of a module that are or contain bfloat16 or 8-bit floats.
@@ -130,6 +130,8 @@ fn allows_every_encoding(op: Opcode) -> bool {
         | Opcode::Transpose | Opcode::CopyLogical | Opcode::CompositeConstructReplicateEXT
         | Opcode::CooperativeMatrixMulAddKHR | Opcode::CooperativeMatrixLengthKHR
         | Opcode::CooperativeMatrixLoadKHR | Opcode::CooperativeMatrixStoreKHR
+        // They check the types of their operands.
+        | Opcode::FDot2MixAcc32VALVE | Opcode::FDot2MixAcc16VALVE | Opcode::FDot4MixAcc32VALVE | Opcode::AbortKHR
         | Opcode::Select | Opcode::Phi | Opcode::Undef | Opcode::PoisonKHR | Opcode::FreezeKHR
     )
 }

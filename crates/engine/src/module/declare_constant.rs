@@ -108,7 +108,7 @@ impl Loader<'_> {
         };
         let data = &self.words[span.start + 3..span.end];
         let mut bytes: Vec<u8> = data.iter().flat_map(|word| word.to_le_bytes()).collect();
-        // The length of an operation is not known here: that of the data is compared where it is used.
+        // The length of an operation is not known here: it is compared where the data is used.
         if let Some(length) = self.module.scalar_value(length) {
             let size = length.saturating_mul(u64::from(width / 8));
             if size.div_ceil(4) != data.len() as u64 {

@@ -52,14 +52,18 @@ pub fn axes_read(module: &Module, grid: Grid) -> [bool; 3] {
 fn follow(module: &Module, instruction: &Instruction, whole: &mut FxHashSet<Id>, read: &mut [bool; 3]) {
     let operands = module.operands(instruction);
     let is_whole = |id: u32| whole.contains(&Id(id));
+    if let Some(chain) = module.access_chain(instruction)
+        && let [index] = chain.indices
+        && is_whole(chain.base.0)
+    {
+        read_component(read, module.scalar_value(Id(*index)));
+        return;
+    }
     match (instruction.opcode, operands) {
         (Opcode::Load | Opcode::CopyObject | Opcode::FreezeKHR | Opcode::Bitcast, &[from, ..])
             if is_whole(from) =>
         {
             whole.extend(instruction.result);
-        }
-        (Opcode::AccessChain | Opcode::InBoundsAccessChain, &[base, index]) if is_whole(base) => {
-            read_component(read, module.scalar_value(Id(index)));
         }
         (Opcode::CompositeExtract, &[vector, at]) if is_whole(vector) => {
             read_component(read, Some(at.into()));

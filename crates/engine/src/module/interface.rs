@@ -4,7 +4,7 @@ use std::collections::HashSet;
 
 use rspirv::spirv::Decoration;
 
-use crate::module::ty::{Type, TypeId};
+use crate::module::ty::TypeId;
 use crate::module::{Definition, Id, Module};
 
 pub use anyhit_base::error::Stage;
@@ -79,10 +79,7 @@ impl Module {
             .zip(used)
             .filter_map(|(variable, used)| used.then_some(variable))
             .map(|variable| {
-                let ty = match self.ty(variable.pointer) {
-                    Type::Pointer { pointee, .. } => *pointee,
-                    _ => None,
-                };
+                let ty = variable.ty;
                 let name = self.name(variable.id).or_else(|| self.name(self.id_of_type(ty?)?));
                 InterfaceVariable {
                     id: variable.id,

@@ -354,7 +354,10 @@ impl<'w> Loader<'w> {
         let pointer = self.type_at(span, first)?;
         let storage_class = self.words[first + 2];
         let untyped = span.opcode == Opcode::UntypedVariableKHR;
-        let pointee = self.variable_type(span, pointer, storage_class, untyped)?;
+        let mut pointee = self.variable_type(span, pointer, storage_class, untyped)?;
+        if untyped && first + 3 < span.end {
+            pointee = Some(self.type_at(span, first + 3)?);
+        }
         if storage_class == FUNCTION_STORAGE {
             return Err(invalid(
                 first + 2,
@@ -396,6 +399,7 @@ impl<'w> Loader<'w> {
         self.module.variables.push(GlobalVariable {
             id: self.id(first + 1),
             pointer,
+            ty: pointee,
             storage_class,
             initializer,
             offset: span.start as u32,

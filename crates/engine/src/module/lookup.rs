@@ -45,13 +45,24 @@ impl Module {
         }
     }
 
-    /// The type that a pointer points to; `None` where an id is no pointer, or an untyped one.
+    /// The type that a pointer points to, of an untyped one that of the variable or of the access
+    /// chain that makes it; `None` where an id is no pointer, or that is not known.
     #[doc(hidden)]
     pub fn pointee(&self, pointer: Id) -> Option<TypeId> {
-        match *self.ty(self.type_of(pointer)?) {
-            Type::Pointer { pointee, .. } => pointee,
+        match (self.ty(self.type_of(pointer)?), self.definition(pointer)?) {
+            (Type::Pointer { pointee: Some(pointee), .. }, _) => Some(*pointee),
+            (Type::Pointer { .. }, Definition::Variable(at)) => self.variables[at as usize].ty,
+            (Type::Pointer { .. }, _) => self.untyped_pointee(pointer),
             _ => None,
         }
+    }
+
+    /// The instruction in a function that an id is the result of.
+    #[doc(hidden)]
+    pub fn result_instruction(&self, id: Id) -> Option<&Instruction> {
+        let Definition::Result(function, block, at) = self.definition(id)? else { return None };
+        let block = self.functions.get(function as usize)?.blocks.get(block as usize)?;
+        block.instructions.get(at as usize)
     }
 
     /// The type that an id declares.

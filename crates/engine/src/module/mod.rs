@@ -4,6 +4,7 @@
 //! operands an instruction has and of what kind. This crate has a parser of its own, because real
 //! modules contain what rspirv's loader rejects.
 
+pub mod access_chain;
 mod check;
 mod check_access;
 pub mod check_encoding;
@@ -125,8 +126,10 @@ pub struct Function {
 pub struct GlobalVariable {
     /// The result id.
     pub id: Id,
-    /// The pointer type (its storage class and pointee).
+    /// The pointer type.
     pub pointer: TypeId,
+    /// The type of what it holds; `None` for an untyped variable without it.
+    pub ty: Option<TypeId>,
     /// The storage class's number.
     pub storage_class: u32,
     /// The initialiser, a constant or a variable.

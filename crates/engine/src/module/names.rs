@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use rspirv::{grammar, spirv};
+use rspirv::grammar::{self, OperandKind as Kind};
 
 use crate::module::validate;
 
@@ -13,32 +13,32 @@ pub fn capability_name(number: u32) -> Cow<'static, str> {
 
 /// The name of a storage class (`StorageBuffer`), or `storage class 1234`.
 pub fn storage_class_name(number: u32) -> Cow<'static, str> {
-    name_or_number("storage class", number, spirv::StorageClass::from_u32(number))
+    name_or_number("storage class", Kind::StorageClass, number)
 }
 
 /// The name of a builtin (`HitTNV`), or `builtin 1234`.
 pub fn builtin_name(number: u32) -> Cow<'static, str> {
-    name_or_number("builtin", number, spirv::BuiltIn::from_u32(number))
+    name_or_number("builtin", Kind::BuiltIn, number)
 }
 
 /// The name of a decoration (`DescriptorSet`), or `decoration 1234`.
 pub fn decoration_name(number: u32) -> Cow<'static, str> {
-    name_or_number("decoration", number, spirv::Decoration::from_u32(number))
+    name_or_number("decoration", Kind::Decoration, number)
 }
 
 /// The name of an execution mode (`LocalSize`), or `execution mode 1234`.
 pub fn execution_mode_name(number: u32) -> Cow<'static, str> {
-    name_or_number("execution mode", number, spirv::ExecutionMode::from_u32(number))
+    name_or_number("execution mode", Kind::ExecutionMode, number)
 }
 
 /// The name of an addressing model (`Logical`), or `addressing model 1234`.
 pub fn addressing_model_name(number: u32) -> Cow<'static, str> {
-    name_or_number("addressing model", number, spirv::AddressingModel::from_u32(number))
+    name_or_number("addressing model", Kind::AddressingModel, number)
 }
 
 /// The name of a memory model (`GLSL450`), or `memory model 1234`.
 pub fn memory_model_name(number: u32) -> Cow<'static, str> {
-    name_or_number("memory model", number, spirv::MemoryModel::from_u32(number))
+    name_or_number("memory model", Kind::MemoryModel, number)
 }
 
 /// The name of an instruction of an extended set (`GLSL.std.450`, 13: `Sin`), or
@@ -61,11 +61,8 @@ pub fn ext_inst_name(set: &str, number: u32) -> Cow<'static, str> {
     }
 }
 
-fn name_or_number<T: std::fmt::Debug>(what: &str, number: u32, known: Option<T>) -> Cow<'static, str> {
-    match known {
-        Some(name) => format!("{name:?}").into(),
-        None => format!("{what} {number}").into(),
-    }
+fn name_or_number(what: &str, kind: Kind, number: u32) -> Cow<'static, str> {
+    validate::enumerant_name(kind, number).unwrap_or_else(|| format!("{what} {number}").into())
 }
 
 #[cfg(test)]

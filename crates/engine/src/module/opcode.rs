@@ -56,6 +56,12 @@ impl Opcode {
         matches!(self, Self::Undef | Self::PoisonKHR)
     }
 
+    /// Returns true for `OpControlBarrier` and both halves of a split one, whose operands are the
+    /// same: `OpControlBarrierArriveEXT` and `OpControlBarrierWaitEXT` (rspirv has INTEL's names).
+    pub fn is_control_barrier(self) -> bool {
+        matches!(self, Self::ControlBarrier | Self::ControlBarrierArriveINTEL | Self::ControlBarrierWaitINTEL)
+    }
+
     /// The opcode that an operand of `OpSpecConstantOp` contains; above 16 bits an unknown one.
     pub fn of_operand(word: u32) -> Self {
         Self(u16::try_from(word).unwrap_or(u16::MAX))

@@ -14,6 +14,7 @@ use crate::ops::pointer::{self, PointeeLayout, Pointer, PointerBase, storage};
 use crate::ops::pointer_stride::{Stride, array_stride};
 use crate::ops::relational_logical::{IEqual, LogicalAnd, LogicalNot};
 use crate::ops::translate::{IdValue, Translator};
+use crate::ops::untyped_pointer::{chain_base, is_untyped};
 use crate::ops::value_registers::Words;
 use anyhit_base::error::Result;
 
@@ -48,6 +49,8 @@ pub mod kernels {
 pub const OPCODES: &[Opcode] = &[
     Opcode::PtrAccessChain,
     Opcode::InBoundsPtrAccessChain,
+    Opcode::UntypedPtrAccessChainKHR,
+    Opcode::UntypedInBoundsPtrAccessChainKHR,
     Opcode::PtrEqual,
     Opcode::PtrNotEqual,
     Opcode::PtrDiff,
@@ -60,13 +63,18 @@ pub const OPCODES: &[Opcode] = &[
 pub fn translate(translator: &mut Translator<'_>, instruction: &Instruction) -> Result<bool> {
     let opcode = instruction.opcode;
     match opcode {
-        Opcode::PtrAccessChain | Opcode::InBoundsPtrAccessChain => {
-            let (base, index) = (translator.id(instruction, 0)?, translator.id(instruction, 1)?);
-            let stride = stride(translator, base, &explicit_stride)?;
-            let pointer = translator.pointer(base)?;
+        Opcode::PtrAccessChain
+        | Opcode::InBoundsPtrAccessChain
+        | Opcode::UntypedPtrAccessChainKHR
+        | Opcode::UntypedInBoundsPtrAccessChainKHR => {
+            let chain = translator.module.access_chain(instruction);
+            let Some((chain, index)) = chain.and_then(|chain| Some((chain, chain.element?))) else {
+                return Err(translator.invalid("an access chain without an element"));
+            };
+            let pointer = chain_base(translator, chain)?;
+            let stride = stride(translator, chain.base, &pointer, &explicit_stride)?;
             let pointer = element(translator, pointer, index, stride)?;
-            let indices = &translator.operands(instruction)[2..];
-            let pointer = pointer::access_chain(translator, pointer, indices)?;
+            let pointer = pointer::access_chain(translator, pointer, chain.indices)?;
             if let Some(id) = instruction.result {
                 translator.define(id, IdValue::Pointer(pointer.into()));
             }
@@ -106,7 +114,14 @@ pub fn translate(translator: &mut Translator<'_>, instruction: &Instruction) -> 
                         .unsupported("a pointer into an array whose stride is ambiguous is not supported")),
                 }
             };
-            let stride = stride(translator, base, &default_stride)?;
+            let stride = match is_untyped(translator, base)? {
+                // The array is interpreted as one of 8-bit integers.
+                true => 1,
+                false => {
+                    let pointer = translator.pointer(base)?;
+                    stride(translator, base, &pointer, &default_stride)?
+                }
+            };
             let mut ends = Words::new();
             for at in 0..2 {
                 let pointer = translator.id(instruction, at)?;
@@ -227,18 +242,19 @@ fn pointer_class(translator: &Translator<'_>, id: Id) -> Result<u32> {
 fn stride(
     translator: &mut Translator<'_>,
     base: Id,
+    pointer: &Pointer,
     default_stride: &dyn Fn(&mut Translator<'_>, Id, &Pointer) -> Result<u32>,
 ) -> Result<u32> {
     let ty = translator.type_of(base)?;
-    let Type::Pointer { pointee: Some(pointee), stride, .. } = *translator.module.ty(ty) else {
+    let Type::Pointer { stride, .. } = *translator.module.ty(ty) else {
         return Err(translator.invalid("the operand must be a pointer"));
     };
-    let pointer = translator.pointer(base)?;
+    let pointee = pointer.pointee;
     match pointer.base {
         PointerBase::Buffer(_) if pointer.is_packed(translator) => Ok(translator.word_count(pointee)? * 4),
         PointerBase::Buffer(_) => match stride {
             Some(stride) => Ok(stride),
-            None => default_stride(translator, base, &pointer),
+            None => default_stride(translator, base, pointer),
         },
         PointerBase::Descriptors { .. } => pointer::descriptor_count(translator, pointee),
         _ => translator.word_count(pointee),
@@ -248,10 +264,11 @@ fn stride(
 /// The stride that `OpPtrAccessChain` takes where the pointer's type has none.
 fn explicit_stride(translator: &mut Translator<'_>, base: Id, pointer: &Pointer) -> Result<u32> {
     let class = pointer.storage_class;
-    if matches!(
+    let needs_stride = matches!(
         class,
         storage::UNIFORM | storage::STORAGE_BUFFER | storage::PUSH_CONSTANT | storage::WORKGROUP
-    ) {
+    );
+    if needs_stride || is_untyped(translator, base)? {
         let class = crate::module::names::storage_class_name(class);
         return Err(translator
             .invalid(format!("the pointer type has no ArrayStride decoration, which {class} requires"))

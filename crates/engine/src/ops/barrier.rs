@@ -3,7 +3,8 @@
 //! Every access is visible to all later ones, so an `OpMemoryBarrier` has nothing to do, and
 //! neither has an `OpControlBarrier` of scope Subgroup: the invocations of a subgroup run in one
 //! batch, in lockstep. One of scope Workgroup stops the batch until the whole workgroup has reached
-//! it.
+//! it. Of a split barrier (`SPV_EXT_split_barrier`) the half that waits is that stop: whoever comes
+//! to it has arrived before.
 
 use rspirv::spirv::Scope;
 
@@ -14,18 +15,25 @@ use crate::ops::translate::Translator;
 use anyhit_base::error::Result;
 
 /// Opcodes translated here.
-pub const OPCODES: &[Opcode] = &[Opcode::ControlBarrier, Opcode::MemoryBarrier];
+pub const OPCODES: &[Opcode] = &[
+    Opcode::ControlBarrier,
+    Opcode::ControlBarrierArriveINTEL,
+    Opcode::ControlBarrierWaitINTEL,
+    Opcode::MemoryBarrier,
+];
 
 /// Translates barriers; `false` for an instruction of another section.
 pub fn translate(translator: &mut Translator<'_>, instruction: &Instruction) -> Result<bool> {
     let opcode = instruction.opcode;
     match opcode {
         Opcode::MemoryBarrier => {}
-        Opcode::ControlBarrier => {
+        opcode if opcode.is_control_barrier() => {
+            let arrives = opcode == Opcode::ControlBarrierArriveINTEL;
             let id = translator.id(instruction, 0)?;
             let scope = translator.constant_integer(id)?;
             match u32::try_from(scope).ok().and_then(Scope::from_u32) {
                 Some(Scope::Subgroup) => {}
+                Some(Scope::Workgroup) if translator.stage == Stage::Compute && arrives => {}
                 Some(Scope::Workgroup) if translator.stage == Stage::Compute => translator.emit(Op::Barrier),
                 Some(Scope::Workgroup) => {
                     let message =

@@ -1,5 +1,5 @@
-//! Texts that shaders write: `NonSemantic.DebugPrintf` with the formats of `GL_EXT_debug_printf`, and
-//! the message of `OpAbortKHR`.
+//! Texts that shaders write: `NonSemantic.DebugPrintf` with the formats of `GL_EXT_debug_printf`,
+//! and the message of `OpAbortKHR`.
 //!
 //! `%[flags][width][.precision][vN][h|l|ll]conversion` with the conversions d i u o x X f F e E g G
 //! a A c p and s, for an `OpString`. `vN` (2 to 4) prints a

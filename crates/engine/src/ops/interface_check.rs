@@ -7,7 +7,7 @@
 
 use crate::module::interface::{EntryPoint, InterfaceVariable, Stage};
 use crate::module::names::storage_class_name;
-use crate::module::{Definition, Id, Instruction, Module, Opcode};
+use crate::module::{Definition, Id, Module, Opcode};
 use crate::ops::builtin;
 use crate::ops::pointer::storage;
 use crate::ops::translate::Translator;
@@ -175,16 +175,15 @@ pub fn base_variable(module: &Module, mut pointer: Id) -> Option<Id> {
     loop {
         match module.definition(pointer)? {
             Definition::Variable(_) => return Some(pointer),
-            Definition::Result(function, block, position) => {
-                let instruction: &Instruction = module.functions[function as usize]
-                    .blocks
-                    .get(block as usize)?
-                    .instructions
-                    .get(position as usize)?;
-                let through =
-                    [Opcode::AccessChain, Opcode::InBoundsAccessChain, Opcode::CopyObject, Opcode::FreezeKHR];
-                through.iter().find(|opcode| **opcode == instruction.opcode)?;
-                pointer = Id(*module.operands(instruction).first()?);
+            Definition::Result(..) => {
+                let instruction = module.result_instruction(pointer)?;
+                pointer = match (instruction.opcode, module.access_chain(instruction)) {
+                    (_, Some(chain)) if chain.element.is_none() => chain.base,
+                    (Opcode::CopyObject | Opcode::FreezeKHR, _) => {
+                        Id(*module.operands(instruction).first()?)
+                    }
+                    _ => return None,
+                };
             }
             _ => return None,
         }

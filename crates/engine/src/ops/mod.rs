@@ -4,10 +4,11 @@
 //! their section. An irregular one is a variant of its file's operation, with an arm in `translate`
 //! and in `eval`. The files are of four kinds:
 //!
-//! * Sections of the instructions in the SPIR-V specification: `arithmetic` with `dot_product`,
+//! * Sections of the instructions in the SPIR-V specification: `arithmetic` with `dot_product` and
+//!   `mixed_dot_product`,
 //!   `atomic`, `barrier`, `bit`, `composite`, `conversion`, `derivative`, `image`, `linear_algebra`
-//!   (sums of products), `memory` with `load_store`, `pointer` and `address`, `relational_logical`,
-//!   `subgroup`, and `constant` for `OpSpecConstantOp`.
+//!   (sums of products), `memory` with `load_store`, `pointer`, `address` and `untyped_pointer`,
+//!   `relational_logical`, `subgroup`, and `constant` for `OpSpecConstantOp`.
 //! * Extensions and extended instruction sets: `amd`, `debug_printf`, `float_controls`, `glsl`,
 //!   `hit_object`, `integer_functions`, `ray_query`, `ray_tracing`.
 //! * `irregular`: instructions of several sections that are made of lane kernels, but not
@@ -52,6 +53,7 @@ pub mod layout_check;
 pub mod linear_algebra;
 pub mod load_store;
 pub mod memory;
+pub mod mixed_dot_product;
 pub mod object;
 pub mod observed;
 pub mod op;
@@ -72,6 +74,7 @@ pub mod support;
 pub mod symbolic;
 pub mod trace_operands;
 pub mod translate;
+pub mod untyped_pointer;
 pub mod value_registers;
 
 use crate::machine::Reg;
@@ -144,7 +147,9 @@ pub fn translate_instruction(translator: &mut Translator<'_>, instruction: &Inst
     let done = composite::translate(translator, instruction)?
         || pointer::translate(translator, instruction)?
         || address::translate(translator, instruction)?
+        || untyped_pointer::translate(translator, instruction)?
         || dot_product::translate(translator, instruction)?
+        || mixed_dot_product::translate(translator, instruction)?
         || subgroup::translate(translator, instruction)?
         || derivative::translate(translator, instruction)?
         || atomic::translate(translator, instruction)?

@@ -3,7 +3,7 @@
 use crate::machine::Reg;
 use crate::machine::object::ObjectRef;
 use crate::module::ty::{Type, TypeId};
-use crate::module::{Definition, Id, Instruction, Module, Opcode};
+use crate::module::{Id, Instruction, Module, Opcode};
 use crate::ops::builtin::{self, ValueShape};
 use crate::ops::pointer::{PointerBase, storage};
 use crate::ops::translate::Translator;
@@ -67,15 +67,10 @@ pub fn object_ref(
 
 /// Whether a pointer, or what its access chains begin with, is the result of `OpPhi` or `OpSelect`.
 fn is_chosen(module: &Module, mut id: Id) -> bool {
-    while let Some(Definition::Result(function, block, at)) = module.definition(id) {
-        let block = &module.functions[function as usize].blocks[block as usize];
-        let instruction = &block.instructions[at as usize];
-        match instruction.opcode {
-            Opcode::Phi | Opcode::Select => return true,
-            Opcode::AccessChain | Opcode::InBoundsAccessChain => match module.operands(instruction).first() {
-                Some(&base) => id = Id(base),
-                None => return false,
-            },
+    while let Some(instruction) = module.result_instruction(id) {
+        match (instruction.opcode, module.access_chain(instruction)) {
+            (Opcode::Phi | Opcode::Select, _) => return true,
+            (_, Some(chain)) if chain.element.is_none() => id = chain.base,
             _ => return false,
         }
     }

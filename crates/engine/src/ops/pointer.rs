@@ -15,6 +15,7 @@ use crate::ops::object::check_copyable;
 use crate::ops::op::Op;
 use crate::ops::translate::budget::WORDS_OF_A_STEP;
 use crate::ops::translate::{InputRegisters, InterfaceRegisters, Slot, Translator, WorkgroupVariable};
+use crate::ops::untyped_pointer::{chain_base, is_untyped, pointer_to};
 use crate::ops::value_registers::Words;
 use crate::ops::{address, builtin};
 use anyhit_base::error::{Error, Result};
@@ -134,7 +135,10 @@ pub const OPCODES: &[Opcode] = &[
     Opcode::CopyMemory,
     Opcode::AccessChain,
     Opcode::InBoundsAccessChain,
+    Opcode::UntypedAccessChainKHR,
+    Opcode::UntypedInBoundsAccessChainKHR,
     Opcode::ArrayLength,
+    Opcode::UntypedArrayLengthKHR,
 ];
 
 /// Storage classes whose variables have a base.
@@ -175,8 +179,8 @@ pub fn pointer_word_count(storage_class: u32) -> u32 {
 pub fn variable(translator: &mut Translator<'_>, index: u32) -> Result<Pointer> {
     let variable = translator.module.variables[index as usize].clone();
     let id = variable.id;
-    let Type::Pointer { pointee: Some(pointee), .. } = *translator.module.ty(variable.pointer) else {
-        return Err(translator.invalid(format!("variable %{} has no pointer type", id.0)));
+    let Some(pointee) = variable.ty else {
+        return Err(translator.invalid(format!("variable %{} has no type of data", id.0)));
     };
     let pointer = |base| Pointer::new(base, pointee, variable.storage_class);
     match variable.storage_class {
@@ -226,7 +230,7 @@ pub fn variable(translator: &mut Translator<'_>, index: u32) -> Result<Pointer> 
             Ok(pointer(PointerBase::Registers { first, count, constant: false }))
         }
         storage::WORKGROUP => {
-            let bytes = translator.allocate_workgroup(pointee)?;
+            let bytes = translator.allocate_workgroup(&variable, pointee)?;
             let offset = bytes.start;
             translator.workgroup_variables.push(WorkgroupVariable {
                 id,
@@ -330,9 +334,11 @@ pub fn pointer_words(translator: &mut Translator<'_>, pointer: &Pointer) -> Resu
 
 /// The pointer that the words of [`pointer_words`] represent.
 pub fn pointer_from_words(translator: &mut Translator<'_>, ty: TypeId, words: &[Reg]) -> Result<Pointer> {
-    let Type::Pointer { storage_class, pointee: Some(pointee), .. } = *translator.module.ty(ty) else {
+    let Type::Pointer { storage_class, pointee, .. } = *translator.module.ty(ty) else {
         return Err(translator.invalid("the operand must be a pointer"));
     };
+    // What uses an untyped pointer knows better.
+    let pointee = pointee.unwrap_or(ty);
     let (base, index) = match (storage_class, words) {
         (storage::PHYSICAL_STORAGE_BUFFER, &[low, high]) => {
             (PointerBase::Buffer(BufferRef::Address(translator.pair(low, high)?)), None)
@@ -565,7 +571,7 @@ fn element_step(
 
 /// The alignment in the memory operands that begin at a position: a mask, then a literal if its
 /// second bit is set.
-fn alignment(translator: &Translator<'_>, instruction: &Instruction, at: usize) -> Result<u32> {
+pub(super) fn alignment(translator: &Translator<'_>, instruction: &Instruction, at: usize) -> Result<u32> {
     const ALIGNED: u32 = 2;
     match translator.operands(instruction).get(at) {
         Some(mask) if mask & ALIGNED != 0 => translator.literal(instruction, at + 1),
@@ -578,8 +584,8 @@ pub fn translate(translator: &mut Translator<'_>, instruction: &Instruction) -> 
     let opcode = instruction.opcode;
     match opcode {
         Opcode::Load => {
-            let id = translator.id(instruction, 0)?;
-            let pointer = translator.pointer(id)?;
+            let (id, ty) = (translator.id(instruction, 0)?, translator.result_type(instruction)?);
+            let pointer = pointer_to(translator, id, ty)?;
             check_copyable(translator, pointer.pointee)?;
             let alignment = alignment(translator, instruction, 1)?;
             let words = load_aligned(translator, &pointer, alignment)?;
@@ -587,7 +593,8 @@ pub fn translate(translator: &mut Translator<'_>, instruction: &Instruction) -> 
         }
         Opcode::Store => {
             let (to, from) = (translator.id(instruction, 0)?, translator.id(instruction, 1)?);
-            let pointer = translator.pointer(to)?;
+            let ty = translator.type_of(from)?;
+            let pointer = pointer_to(translator, to, ty)?;
             check_copyable(translator, pointer.pointee)?;
             let words = translator.words(from)?;
             let alignment = alignment(translator, instruction, 2)?;
@@ -595,43 +602,66 @@ pub fn translate(translator: &mut Translator<'_>, instruction: &Instruction) -> 
         }
         Opcode::CopyMemory => {
             let (to, from) = (translator.id(instruction, 0)?, translator.id(instruction, 1)?);
-            let from = translator.pointer(from)?;
+            // At least one of them says what is copied.
+            let typed = match (is_untyped(translator, from)?, is_untyped(translator, to)?) {
+                (true, true) => None,
+                (true, false) => translator.module.pointee(to),
+                (false, _) => translator.module.pointee(from),
+            };
+            let ty = typed.ok_or_else(|| translator.invalid("OpCopyMemory between untyped pointers"))?;
+            let from = pointer_to(translator, from, ty)?;
             check_copyable(translator, from.pointee)?;
-            let to = translator.pointer(to)?;
+            let to = pointer_to(translator, to, ty)?;
             let words = load(translator, &from)?;
             store(translator, &to, &words)?;
         }
-        Opcode::AccessChain | Opcode::InBoundsAccessChain => {
-            let base = translator.id(instruction, 0)?;
-            let pointer = translator.pointer(base)?;
-            let indices = &translator.operands(instruction)[1..];
-            let pointer = access_chain(translator, pointer, indices)?;
+        Opcode::ArrayLength | Opcode::UntypedArrayLengthKHR => array_length(translator, instruction)?,
+        opcode if opcode.selects_part() => {
+            let Some(chain) = translator.module.access_chain(instruction) else {
+                return Err(translator.invalid("an access chain without a base"));
+            };
+            let pointer = chain_base(translator, chain)?;
+            let pointer = access_chain(translator, pointer, chain.indices)?;
             if let Some(id) = instruction.result {
                 translator.define(id, crate::ops::translate::IdValue::Pointer(pointer.into()));
             }
         }
-        Opcode::ArrayLength => {
-            let structure = translator.id(instruction, 0)?;
-            let member = translator.literal(instruction, 1)?;
-            let pointer = translator.pointer(structure)?;
-            let Type::Struct { members, .. } = translator.module.ty(pointer.pointee).clone() else {
-                return Err(translator.invalid("the base of OpArrayLength is not a struct"));
-            };
-            let layout = members.get(member as usize).and_then(|member| {
-                let Type::RuntimeArray { stride, .. } = translator.module.ty(member.ty) else { return None };
-                Some((member.offset?, (*stride)?))
-            });
-            let (Some((offset, stride)), PointerBase::Buffer(buffer)) = (layout, &pointer.base) else {
-                return Err(
-                    translator.invalid("the member of OpArrayLength is not a runtime array in a buffer")
-                );
-            };
-            let to = translator.fresh(1)?;
-            let buffer = *buffer;
-            translator.emit(Op::Memory(memory::MemoryOp::ArrayLength { to, buffer, offset, stride }));
-            translator.define_result(instruction, SmallVec::from_slice(&[to]));
-        }
         _ => return Ok(false),
     }
     Ok(true)
+}
+
+fn array_length(translator: &mut Translator<'_>, instruction: &Instruction) -> Result<()> {
+    let untyped = usize::from(instruction.opcode == Opcode::UntypedArrayLengthKHR);
+    let structure = translator.id(instruction, untyped)?;
+    let member = translator.literal(instruction, untyped + 1)?;
+    let mut pointer = translator.pointer(structure)?;
+    if untyped == 1 {
+        let structure = translator.id(instruction, 0)?;
+        let ty = translator.module.type_with_id(structure);
+        pointer.pointee = ty.ok_or_else(|| translator.invalid(format!("%{} is not a type", structure.0)))?;
+    }
+    let opcode = instruction.opcode;
+    let Type::Struct { ref members, .. } = *translator.module.ty(pointer.pointee) else {
+        return Err(translator.invalid(format!("the base of {opcode} is not a struct")));
+    };
+    let layout = members.get(member as usize).and_then(|member| {
+        let Type::RuntimeArray { stride, .. } = translator.module.ty(member.ty) else { return None };
+        Some((member.offset?, (*stride)?))
+    });
+    let (Some((offset, stride)), &PointerBase::Buffer(buffer)) = (layout, &pointer.base) else {
+        return Err(translator.invalid(format!("the member of {opcode} is not a runtime array in a buffer")));
+    };
+    let to = translator.fresh(1)?;
+    translator.emit(Op::Memory(memory::MemoryOp::ArrayLength { to, buffer, offset, stride }));
+    let mut words = SmallVec::from_slice(&[to]);
+    let ty = translator.result_type(instruction)?;
+    if translator.scalar_width(ty)? == 64 {
+        // SPV_EXT_shader_64bit_indexing
+        let high = translator.constant(0)?;
+        let first = translator.pair(to, high)?;
+        words = SmallVec::from_slice(&[first, first.plus(1)]);
+    }
+    translator.define_result(instruction, words);
+    Ok(())
 }

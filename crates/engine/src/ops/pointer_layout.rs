@@ -7,6 +7,7 @@
 use rustc_hash::FxHashSet;
 use smallvec::SmallVec;
 
+use crate::module::access_chain::AccessChain;
 use crate::module::ty::{MatrixLayout, Type, TypeId};
 use crate::module::{Definition, Id, Module, Opcode};
 use crate::ops::pointer::{PointeeLayout, Pointer, PointerBase};
@@ -119,6 +120,9 @@ impl LayoutSearch<'_, '_> {
             Some(Definition::Constant(_)) => return None,
             _ => return Some(PointeeLayout::default()),
         };
+        if let Some(chain) = AccessChain::of(opcode, operands) {
+            return self.chain(chain, selection);
+        }
         match opcode {
             Opcode::Undef | Opcode::PoisonKHR => None,
             Opcode::FunctionCall => {
@@ -128,12 +132,6 @@ impl LayoutSearch<'_, '_> {
                 let returns = returned(module, index);
                 self.worklist.extend(returns.map(|value| (value, selection)));
                 None
-            }
-            Opcode::AccessChain | Opcode::InBoundsAccessChain => {
-                self.chain(Id(operands[0]), &operands[1..], selection)
-            }
-            Opcode::PtrAccessChain | Opcode::InBoundsPtrAccessChain => {
-                self.chain(Id(operands[0]), operands.get(2..).unwrap_or_default(), selection)
             }
             _ => match sources(opcode, operands) {
                 Some(sources) => {
@@ -146,14 +144,15 @@ impl LayoutSearch<'_, '_> {
     }
 
     /// What indices make of the layout of the pointer that they begin with.
-    fn chain(&mut self, base: Id, indices: &[u32], selection: Selection) -> Option<PointeeLayout> {
+    fn chain(&mut self, chain: AccessChain<'_>, selection: Selection) -> Option<PointeeLayout> {
         let module = self.translator.module;
+        let base = chain.base;
         // From the first index on: the layout once it is known, else what happens to that of the
         // base.
         let mut known: Option<PointeeLayout> = None;
         let mut steps = Selection::Whole;
-        let mut ty = module.pointee(base);
-        for &index in indices {
+        let mut ty = module.chain_type(chain);
+        for &index in chain.indices {
             ty = match ty.map(|ty| module.ty(ty)) {
                 Some(Type::Struct { members, .. }) => {
                     let at = module.scalar_value(Id(index)).and_then(|at| usize::try_from(at).ok());

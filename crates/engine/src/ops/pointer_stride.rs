@@ -7,6 +7,7 @@
 use rustc_hash::FxHashSet;
 use smallvec::SmallVec;
 
+use crate::module::access_chain::AccessChain;
 use crate::module::ty::{Type, TypeId};
 use crate::module::{Definition, Id, Module, Opcode};
 use crate::ops::pointer_layout::{returned, sources};
@@ -124,17 +125,15 @@ impl StrideSearch<'_, '_> {
 
     fn visit_result(&mut self, opcode: Opcode, operands: &[u32]) {
         let module = self.translator.module;
+        if let Some(chain) = AccessChain::of(opcode, operands) {
+            self.visit_chain(chain);
+            return;
+        }
         match opcode {
             Opcode::FunctionCall => {
                 let Some(Definition::Function(index)) = module.definition(Id(operands[0])) else { return };
                 self.steps += module.functions[index as usize].blocks.len();
                 self.worklist.extend(returned(module, index));
-            }
-            Opcode::AccessChain | Opcode::InBoundsAccessChain => {
-                self.visit_chain(operands[0], &operands[1..]);
-            }
-            Opcode::PtrAccessChain | Opcode::InBoundsPtrAccessChain => {
-                self.visit_chain(operands[0], operands.get(2..).unwrap_or_default());
             }
             Opcode::Undef | Opcode::PoisonKHR => {}
             _ => match sources(opcode, operands) {
@@ -145,22 +144,22 @@ impl StrideSearch<'_, '_> {
     }
 
     /// Adds the array that the last of the indices selects from.
-    fn visit_chain(&mut self, base: u32, indices: &[u32]) {
-        let Some((_, before)) = indices.split_last() else {
-            self.worklist.push(Id(base));
+    fn visit_chain(&mut self, chain: AccessChain<'_>) {
+        let Some((_, before)) = chain.indices.split_last() else {
+            self.worklist.push(chain.base);
             return;
         };
-        match self.stride(base, before) {
+        match self.stride(AccessChain { indices: before, ..chain }) {
             Some(stride) => self.found.add(stride),
             None => self.complete = false,
         }
     }
 
     /// The stride of the array that indices reach.
-    fn stride(&self, base: u32, indices: &[u32]) -> Option<u32> {
+    fn stride(&self, chain: AccessChain<'_>) -> Option<u32> {
         let module = self.translator.module;
-        let mut ty = module.pointee(Id(base))?;
-        for &index in indices {
+        let mut ty = module.chain_type(chain)?;
+        for &index in chain.indices {
             ty = module.part(ty, module.scalar_value(Id(index)))?;
         }
         match *module.ty(ty) {

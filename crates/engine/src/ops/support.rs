@@ -17,7 +17,7 @@ use crate::module::{Definition, Id, Instruction, Module, Opcode};
 use crate::ops::lane_kernel::{InstructionSet, family};
 use crate::ops::{
     address, amd, atomic, barrier, builtin, composite, derivative, dot_product, hit_object, image, irregular,
-    linear_algebra, pointer, ray_query, ray_tracing, subgroup,
+    linear_algebra, mixed_dot_product, pointer, ray_query, ray_tracing, subgroup, untyped_pointer,
 };
 
 /// Whether something of SPIR-V runs.
@@ -225,11 +225,13 @@ fn section_of(op: Opcode) -> Option<&'static str> {
         ("composites", composite::OPCODES),
         ("memory", pointer::OPCODES),
         ("pointers and device addresses", address::OPCODES),
+        ("pointers and device addresses", untyped_pointer::OPCODES),
         ("atomics and barriers", atomic::OPCODES),
         ("atomics and barriers", barrier::OPCODES),
         ("subgroups", subgroup::OPCODES),
         ("derivatives (compute)", derivative::OPCODES),
         ("arithmetic", dot_product::OPCODES),
+        ("arithmetic", mixed_dot_product::OPCODES),
         ("linear algebra", linear_algebra::OPCODES),
         ("images", image::OPCODES),
         ("images", image::processing::OPCODES),

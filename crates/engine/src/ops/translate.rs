@@ -19,14 +19,16 @@ use rustc_hash::{FxHashMap, FxHashSet};
 use crate::machine::stop::RegSpan;
 use crate::machine::{Binding, OpIndex, Reg, Registers};
 use crate::math::array;
+use crate::module::decoration::number;
 use crate::module::interface::Stage;
 use crate::module::ty::{Type, TypeId};
-use crate::module::{Definition, Id, Instruction, Module, Opcode};
+use crate::module::{Definition, GlobalVariable, Id, Instruction, Module, Opcode};
 use crate::ops::builtin::Builtin;
 use crate::ops::float_controls::{self, FloatControls};
 use crate::ops::lane_kernel::{LaneKernel, OpFamily};
 use crate::ops::memory;
 use crate::ops::op::Op;
+use crate::ops::pointer::storage;
 use crate::ops::value_registers::{UndefinedConstant, Words, registers_from};
 use anyhit_base::error::{Error, ErrorKind, Place, Result};
 use anyhit_base::input::InputLimit;
@@ -473,15 +475,29 @@ impl<'m> Translator<'m> {
         calls.get(&function).map_or(&[], Vec::as_slice)
     }
 
-    /// Allocates a variable of the Workgroup storage class; returns its bytes.
+    fn is_aliased(&self, variable: &GlobalVariable) -> bool {
+        self.module.decorations.find(variable.id, number::ALIASED).is_some()
+    }
+
+    /// The bytes at the start of workgroup memory that variables with `Aliased` share.
+    fn aliased_workgroup_bytes(&self) -> u32 {
+        let variables = self.module.variables.iter();
+        let shared = variables.filter(|one| one.storage_class == storage::WORKGROUP && self.is_aliased(one));
+        let size = shared.filter_map(|one| self.module.size_of(one.ty?)).max().unwrap_or(0);
+        u32::try_from(size).unwrap_or(u32::MAX)
+    }
+
+    /// Allocates a variable of the Workgroup storage class; returns its bytes. Variables that have
+    /// a layout of their own and the decoration `Aliased` share the first ones.
     ///
     /// # Errors
     /// `InvalidModule` where variables with and without a layout of their own are mixed,
     /// `UnsupportedModule` for more memory than a workgroup gets.
-    pub fn allocate_workgroup(&mut self, ty: TypeId) -> Result<Range<u32>> {
-        let block = matches!(self.module.ty(ty), Type::Struct { block: true, .. });
+    pub fn allocate_workgroup(&mut self, variable: &GlobalVariable, ty: TypeId) -> Result<Range<u32>> {
+        let is_untyped = matches!(self.module.ty(variable.pointer), Type::Pointer { pointee: None, .. });
+        let block = is_untyped || matches!(self.module.ty(ty), Type::Struct { block: true, .. });
         if block != self.workgroup_blocks && (self.workgroup_size > 0 || !block) {
-            let message = "either all variables in workgroup memory must be blocks, or none";
+            let message = "either all variables in workgroup memory must have a layout of their own, or none";
             return Err(self.invalid(message).note("SPV_KHR_workgroup_memory_explicit_layout"));
         }
         self.workgroup_blocks = block;
@@ -489,7 +505,12 @@ impl<'m> Translator<'m> {
             true => self.module.size_of(ty).ok_or_else(|| self.invalid("the block has no size"))?,
             false => u64::from(self.word_count(ty)?) * 4,
         };
-        let start = if block { 0 } else { self.workgroup_size.next_multiple_of(8) };
+        let (start, aliased) = match (block, self.is_aliased(variable)) {
+            (true, true) => (0, 0),
+            (true, false) => (self.workgroup_size, self.aliased_workgroup_bytes()),
+            (false, _) => (self.workgroup_size, 0),
+        };
+        let start = start.max(aliased).next_multiple_of(8);
         let end = size.saturating_add(start.into());
         if end > self.module.limits.get(InputLimit::WorkgroupBytes) {
             return Err(self.beyond(InputLimit::WorkgroupBytes, Some(end)));

@@ -124,7 +124,7 @@ fn variables(module: &Module, binding: Binding) -> impl Iterator<Item = (u32, Ty
 
 /// The storage class of a variable, and the type of one of its descriptors.
 fn element_of(module: &Module, variable: &GlobalVariable) -> Option<(u32, TypeId)> {
-    let Type::Pointer { pointee: Some(mut ty), .. } = *module.ty(variable.pointer) else { return None };
+    let mut ty = variable.ty?;
     while let Type::Array { element, .. } | Type::RuntimeArray { element, .. } = *module.ty(ty) {
         ty = element;
     }

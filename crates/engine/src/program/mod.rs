@@ -449,9 +449,6 @@ impl Program {
             let broken = *RayRule::ALL.get(fault_value as usize)?;
             return Some(ray_rules::describe(Opcode::of_word(first), broken));
         }
-        if let Some(AccessFault::Message(message)) = accessed {
-            return Some(message.to_string());
-        }
         if trap.code == TrapCode::AccelerationStructureMissing {
             // A handle that is no descriptor is a device address.
             let (handle, high) = (fault_value as u32, (fault_value >> 32) as u32);

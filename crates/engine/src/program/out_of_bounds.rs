@@ -2,9 +2,10 @@
 //! array's length.
 
 use crate::machine::{AccessFault, LaneTrap, OpIndex, Reg, TrapCode};
+use crate::module::access_chain::AccessChain;
 use crate::module::hit_ids::{HitId, HitIds};
 use crate::module::ty::{Type, TypeId};
-use crate::module::{Definition, Id, Instruction, Opcode};
+use crate::module::{Definition, Id, Opcode};
 use crate::ops::access::Access;
 use crate::ops::atomic;
 use crate::ops::memory::{ComputedOffset, Length};
@@ -224,11 +225,11 @@ impl Program {
             let chain_index = |from| ChainIndex { path, from, index: Id(index), offset: None };
             from.map(chain_index).into_iter().collect()
         };
-        match (Opcode::of_word(head), operands) {
-            (Opcode::AccessChain | Opcode::InBoundsAccessChain, [base, indices @ ..])
-            | (Opcode::PtrAccessChain | Opcode::InBoundsPtrAccessChain, [base, _, indices @ ..]) => {
-                self.follow_indices(Id(*base), indices).0
-            }
+        let opcode = Opcode::of_word(head);
+        if let Some(chain) = AccessChain::of(opcode, operands) {
+            return self.follow_indices(chain).0;
+        }
+        match (opcode, operands) {
             (Opcode::VectorExtractDynamic, &[from, index]) => vector(from, index),
             (Opcode::VectorInsertDynamic, &[from, _, index]) => vector(from, index),
             _ => Vec::new(),
@@ -237,18 +238,18 @@ impl Program {
 
     /// Follows indices from a pointer on: returns those into arrays, vectors and matrices, and the
     /// source expression of the part that they lead to.
-    fn follow_indices(&self, base: Id, indices: &[u32]) -> (Vec<ChainIndex>, String) {
-        self.follow_indices_from(self.path(base).unwrap_or_default(), base, indices)
+    fn follow_indices(&self, chain: AccessChain<'_>) -> (Vec<ChainIndex>, String) {
+        self.follow_indices_from(self.path(chain.base).unwrap_or_default(), chain)
     }
 
     /// As [`Program::follow_indices`], given the source expression of the base.
-    fn follow_indices_from(&self, mut path: String, base: Id, indices: &[u32]) -> (Vec<ChainIndex>, String) {
+    fn follow_indices_from(&self, mut path: String, chain: AccessChain<'_>) -> (Vec<ChainIndex>, String) {
         let module = &self.module;
         let mut chain_indices = Vec::new();
-        let Some(mut ty) = module.pointee(base) else { return (chain_indices, path) };
-        let is_variable = matches!(module.definition(base), Some(Definition::Variable(_)));
+        let Some(mut ty) = module.chain_type(chain) else { return (chain_indices, path) };
+        let is_variable = matches!(module.definition(chain.base), Some(Definition::Variable(_)));
         let mut offset = is_variable.then_some(0u64);
-        for &index in indices {
+        for &index in chain.indices {
             let known = module.scalar_value(Id(index));
             match module.ty(ty) {
                 Type::Struct { members, .. } => {
@@ -314,17 +315,10 @@ impl Program {
             let ty = self.module.pointee(pointer)?;
             self.module.name(self.module.id_of_type(ty)?).map(str::to_owned)
         };
-        let Some(Definition::Result(function, block, at)) = self.module.definition(Id(*pointer)) else {
-            return type_name(Id(*pointer));
-        };
-        let block = &self.module.functions[function as usize].blocks[block as usize];
-        let instruction: &Instruction = &block.instructions[at as usize];
-        match (instruction.opcode, self.module.operands(instruction)) {
-            (Opcode::AccessChain | Opcode::InBoundsAccessChain, [base, indices @ ..])
-            | (Opcode::PtrAccessChain | Opcode::InBoundsPtrAccessChain, [base, _, indices @ ..]) => {
-                Some(self.follow_indices_from(type_name(Id(*base))?, Id(*base), indices).1)
-            }
-            _ => type_name(Id(*pointer)),
+        let made = self.module.result_instruction(Id(*pointer));
+        match made.and_then(|made| self.module.access_chain(made)) {
+            Some(chain) => Some(self.follow_indices_from(type_name(chain.base)?, chain).1),
+            None => type_name(Id(*pointer)),
         }
     }
 
@@ -335,16 +329,10 @@ impl Program {
             return Some(name.to_owned());
         }
         match module.definition(id)? {
-            Definition::Result(function, block, at) => {
-                let block = &module.functions[function as usize].blocks[block as usize];
-                let instruction: &Instruction = &block.instructions[at as usize];
-                let operands = module.operands(instruction);
-                match (instruction.opcode, operands) {
-                    (Opcode::AccessChain | Opcode::InBoundsAccessChain, [base, indices @ ..]) => {
-                        Some(self.follow_indices(Id(*base), indices).1).filter(|path| !path.is_empty())
-                    }
-                    _ => None,
-                }
+            Definition::Result(..) => {
+                let chain = module.access_chain(module.result_instruction(id)?)?;
+                let path = self.follow_indices(chain).1;
+                Some(path).filter(|path| chain.element.is_none() && !path.is_empty())
             }
             Definition::Variable(_) => {
                 // A block without an instance name has the name of its type.

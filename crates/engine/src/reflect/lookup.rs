@@ -103,10 +103,7 @@ pub fn variable_at(module: &Module, Binding { set, binding }: Binding) -> Option
         number(variable.id, number::DESCRIPTOR_SET) == Some(set)
             && number(variable.id, number::BINDING) == Some(binding)
     })?;
-    match *module.ty(variable.pointer) {
-        Type::Pointer { pointee: Some(ty), .. } => Some(explicit(module, ty)),
-        _ => None,
-    }
+    Some(explicit(module, variable.ty?))
 }
 
 /// The layout of a block that a module declares; `None` where it declares none.
@@ -127,8 +124,8 @@ pub fn find_block(module: &Module, block: DataBlock) -> Result<Option<Layout<'_>
                     && number(id, number::BINDING) == Some(binding)
             }
         };
-        if let (true, Type::Pointer { pointee: Some(ty), .. }) = (is_it, module.ty(variable.pointer))
-            && let Some(ty) = pointed_struct(module, *ty)
+        if let Some(ty) = variable.ty.filter(|_| is_it)
+            && let Some(ty) = pointed_struct(module, ty)
         {
             found.push(explicit(module, ty));
         }

@@ -3,6 +3,7 @@
 use rustc_hash::{FxHashMap, FxHashSet};
 use smallvec::SmallVec;
 
+use anyhit_engine::module::access_chain::AccessChain;
 use anyhit_engine::module::interface::{EntryPoint, InterfaceVariable};
 use anyhit_engine::module::ty::Type;
 use anyhit_engine::module::{Definition, Function, Id, Instruction, Module, Opcode};
@@ -124,18 +125,15 @@ impl<'a> EntryCode<'a> {
                 }
                 Some(Definition::Result(..)) => {
                     let Some(instruction) = self.result(id) else { continue };
+                    if let Some(chain) = self.module.access_chain(instruction) {
+                        self.members(chain, &mut parts);
+                        open.push(chain.base);
+                        continue;
+                    }
                     let operands = self.module.operands(instruction);
                     let Some(&base) = operands.first() else { continue };
                     match instruction.opcode {
                         Opcode::Variable => parts.push(Part::Variable(id)),
-                        Opcode::AccessChain | Opcode::InBoundsAccessChain => {
-                            self.members(Id(base), &operands[1..], &mut parts);
-                            open.push(Id(base));
-                        }
-                        Opcode::PtrAccessChain | Opcode::InBoundsPtrAccessChain => {
-                            self.members(Id(base), operands.get(2..).unwrap_or_default(), &mut parts);
-                            open.push(Id(base));
-                        }
                         Opcode::CopyObject
                         | Opcode::FreezeKHR
                         | Opcode::ImageTexelPointer
@@ -155,9 +153,9 @@ impl<'a> EntryCode<'a> {
     }
 
     /// Adds the members that the indices of an access chain select.
-    fn members(&self, base: Id, indices: &[u32], parts: &mut Vec<Part>) {
-        let Some(mut ty) = self.module.pointee(base) else { return };
-        for &index in indices {
+    fn members(&self, chain: AccessChain<'_>, parts: &mut Vec<Part>) {
+        let Some(mut ty) = self.module.chain_type(chain) else { return };
+        for &index in chain.indices {
             let index = self.module.scalar_value(Id(index));
             let Some(part) = self.module.part(ty, index) else { return };
             let index = index.and_then(|index| u32::try_from(index).ok());

@@ -75,10 +75,11 @@ pub(super) fn payload_aliasing(code: &EntryCode<'_>, faults: &mut Vec<Fault>) {
     if own.is_empty() {
         return;
     }
-    let accesses =
-        [Opcode::Load, Opcode::Store, Opcode::AccessChain, Opcode::InBoundsAccessChain, Opcode::CopyMemory];
+    let accesses = |opcode: Opcode| {
+        opcode.selects_part() || matches!(opcode, Opcode::Load | Opcode::Store | Opcode::CopyMemory)
+    };
     let passes = |variable: &Id| {
-        let others = code.instructions.iter().filter(|one| !accesses.contains(&one.opcode));
+        let others = code.instructions.iter().filter(|one| !accesses(one.opcode));
         others.into_iter().any(|instruction| code.module.operand_ids(instruction).contains(variable))
     };
     let Some(forgotten) = own.iter().find(|variable| !passes(variable)) else { return };

@@ -26,7 +26,7 @@ struct Ordering {
 
 impl Ordering {
     fn is_barrier(&self) -> bool {
-        matches!(self.opcode, Opcode::ControlBarrier | Opcode::MemoryBarrier)
+        self.opcode.is_control_barrier() || self.opcode == Opcode::MemoryBarrier
     }
 
     fn fault(&self, says: impl std::fmt::Display) -> Fault {
@@ -39,8 +39,7 @@ fn orderings(code: &EntryCode<'_>) -> impl Iterator<Item = Ordering> {
     code.with_operands().filter_map(|(opcode, instruction, operands)| {
         let scope_at = match opcode {
             Opcode::MemoryBarrier => 0,
-            Opcode::ControlBarrier => 1,
-            _ if atomic::OPCODES.contains(&opcode) => 1,
+            _ if opcode.is_control_barrier() || atomic::OPCODES.contains(&opcode) => 1,
             _ => return None,
         };
         let constant = |at: usize| {

@@ -3,6 +3,7 @@
 use rspirv::spirv::GlslStd450Op;
 
 use crate::operand_check::CheckedInstruction;
+use anyhit_engine::module::access_chain::AccessChain;
 use anyhit_engine::module::ty::{Type, TypeId};
 use anyhit_engine::module::{Definition, Id, Module, Opcode};
 
@@ -16,6 +17,11 @@ pub(crate) struct InstructionWords<'m> {
 }
 
 impl<'m> InstructionWords<'m> {
+    /// The access chain that it is; `None` for any other instruction.
+    pub(crate) fn access_chain(self) -> Option<AccessChain<'m>> {
+        AccessChain::of(self.opcode, self.words.get(3..)?)
+    }
+
     /// The instruction at a word offset.
     pub(crate) fn at(module: &'m Module, offset: u32) -> Self {
         let words = module.words.get(offset as usize..).unwrap_or_default();

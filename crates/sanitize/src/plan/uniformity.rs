@@ -98,9 +98,7 @@ impl<'a> UniformityPlan<'a> {
         }
         if let Some(index) = hit_object_index(op) {
             let pointer = hit_object_operand(&self.program.module, instruction)?;
-            let is_element = self
-                .definition(pointer)
-                .is_some_and(|made| matches!(made.opcode, Opcode::AccessChain | Opcode::InBoundsAccessChain));
+            let is_element = self.definition(pointer).is_some_and(|made| made.opcode.selects_part());
             let must = is_element && self.source(pointer, |id| self.is_non_uniform(id)).is_none();
             if must {
                 return Some(Uniformity::HitObjects(index));
@@ -180,11 +178,10 @@ impl<'a> UniformityPlan<'a> {
     /// The variable that a pointer is made from by access chains.
     fn root(&self, pointer: Id) -> Id {
         let mut at = pointer;
-        while let Some(chain) = self.definition(at)
-            && matches!(chain.opcode, Opcode::AccessChain | Opcode::InBoundsAccessChain)
-            && let Some(&base) = chain.words.get(3)
+        while let Some(chain) = self.definition(at).and_then(InstructionWords::access_chain)
+            && chain.element.is_none()
         {
-            at = Id(base);
+            at = chain.base;
         }
         at
     }
@@ -273,15 +270,13 @@ impl<'a> UniformityPlan<'a> {
     fn indexes_arrays_alone(&self, pointer: Id) -> bool {
         let mut arrays = false;
         let mut at = pointer;
-        while let Some(chain) = self.definition(at) {
-            let (Opcode::AccessChain | Opcode::InBoundsAccessChain, Some((&base, indices))) =
-                (chain.opcode, chain.words.get(3..).and_then(<[u32]>::split_first))
-            else {
+        while let Some(made) = self.definition(at) {
+            let Some(chain) = made.access_chain().filter(|chain| chain.element.is_none()) else {
                 return false;
             };
             let module = &self.program.module;
-            let Some(mut ty) = module.pointee(Id(base)) else { return false };
-            for &index in indices {
+            let Some(mut ty) = module.chain_type(chain) else { return false };
+            for &index in chain.indices {
                 let constant = module.constant_scalar(Id(index));
                 let is_array = matches!(module.ty(ty), Type::Array { .. } | Type::RuntimeArray { .. });
                 if constant.is_none() && !is_array {
@@ -291,7 +286,7 @@ impl<'a> UniformityPlan<'a> {
                 let Some(part) = module.part(ty, constant) else { return false };
                 ty = part;
             }
-            at = Id(base);
+            at = chain.base;
         }
         arrays
     }

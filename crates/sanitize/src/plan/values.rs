@@ -35,11 +35,11 @@ impl<'m> Values<'m> {
             }
         }
         for instruction in instructions {
-            let chain = instruction.opcode;
-            let is_chain = matches!(chain, Opcode::AccessChain | Opcode::InBoundsAccessChain);
-            if is_chain && instruction.result.is_some_and(|id| pointers.contains(&id)) {
-                let indices = module.operands(instruction).get(1..).unwrap_or_default();
-                let counters = indices.iter().filter_map(|&index| values.atomic_addition(Id(index)));
+            let chain = module.access_chain(instruction).filter(|chain| chain.element.is_none());
+            if let Some(chain) = chain
+                && instruction.result.is_some_and(|id| pointers.contains(&id))
+            {
+                let counters = chain.indices.iter().filter_map(|&index| values.atomic_addition(Id(index)));
                 let counters: Vec<Id> = counters.collect();
                 values.allocated.extend(counters);
             }

@@ -72,7 +72,8 @@ impl Semantics {
         let InstructionWords { opcode, words } = instruction;
         let scope_at = match opcode {
             Opcode::MemoryBarrier => 1,
-            Opcode::ControlBarrier | Opcode::AtomicStore => 2,
+            Opcode::AtomicStore => 2,
+            opcode if opcode.is_control_barrier() => 2,
             opcode if atomic::OPCODES.contains(&opcode) => 4,
             _ => return None,
         };

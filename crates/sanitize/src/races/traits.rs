@@ -198,7 +198,7 @@ impl Barriers {
                     let ordering = all.add(module, operands, 0);
                     all.fences = all.fences.with(ordering);
                 }
-                Opcode::ControlBarrier => {
+                opcode if opcode.is_control_barrier() => {
                     all.add(module, operands, 1);
                     let scope = scope(module, operands.first());
                     all.subgroup |= scope.is_none_or(|scope| scope == Scope::Subgroup);

@@ -55,12 +55,22 @@ pub fn layout_faults(
     };
     for variable in &module.variables {
         let class = variable.storage_class;
-        let Type::Pointer { pointee: Some(ty), .. } = *module.ty(variable.pointer) else { continue };
+        let Some(ty) = variable.ty else { continue };
         let fault = runtime_array::variable_fault(module, ty, class)
             .or_else(|| interface_bool_fault(module, variable.id, ty, class));
         faults.extend(fault.map(|fault| (variable.offset as usize, Some(variable.id), fault)));
         if let Some(ty) = block_of(module, ty, class) {
             faults.extend(check(ty, class, variable.offset));
+        }
+    }
+    // What untyped chains lead through (SPV_KHR_untyped_pointers, Base Type).
+    for instruction in module.instructions() {
+        let Some(base) = module.access_chain(instruction).and_then(|chain| chain.base_type) else { continue };
+        let pointer = instruction.result_type.and_then(|id| module.type_with_id(id));
+        if let Some(&Type::Pointer { storage_class, .. }) = pointer.map(|ty| module.ty(ty))
+            && let Some(ty) = module.type_with_id(base).and_then(|ty| block_of(module, ty, storage_class))
+        {
+            faults.extend(check(ty, storage_class, instruction.offset));
         }
     }
     let has_addresses =

@@ -37,7 +37,7 @@ mod requirements;
 mod runtime_array;
 mod universal;
 
-pub(crate) use requirement::capability_name;
+pub(crate) use requirement::{capability_name, enumerant_name};
 
 use serde::Serialize;
 

@@ -98,8 +98,8 @@ fn added_enumerants(kind: Kind) -> &'static [Entry] {
 }
 
 impl Opcode {
-    /// Extensions that specify the instruction; empty for core instructions. For an instruction that
-    /// rspirv lacks, those of its first capability.
+    /// Extensions that specify the instruction; empty for core instructions. For an instruction
+    /// that rspirv lacks, those of its first capability.
     pub(crate) fn extensions(self) -> &'static [&'static str] {
         if let Some(known) = INSTRUCTION_TABLE.iter().find(|known| self == known.opcode.into()) {
             return known.extensions;
@@ -114,8 +114,12 @@ impl Opcode {
 
 /// The name of a capability, those included that rspirv does not know.
 pub(crate) fn capability_name(number: u32) -> Cow<'static, str> {
-    let known = Requirement::of_enumerant(Kind::Capability, number);
-    known.map_or_else(|| format!("capability {number}").into(), |known| known.name)
+    enumerant_name(Kind::Capability, number).unwrap_or_else(|| format!("capability {number}").into())
+}
+
+/// The name of an enumerant, also of one that rspirv lacks.
+pub(crate) fn enumerant_name(kind: Kind, number: u32) -> Option<Cow<'static, str>> {
+    Some(Requirement::of_enumerant(kind, number)?.name)
 }
 
 /// The name of a bit as the specification spells it: rspirv writes `MAKE_POINTER_VISIBLE`.

@@ -80,7 +80,10 @@ impl<'m> Universal<'m> {
                 self.image_access(span, self.word(span, 1), C::StorageImageWriteWithoutFormat)
             }
             Opcode::Phi | Opcode::Select => self.pointer_result(span),
-            Opcode::PtrAccessChain | Opcode::InBoundsPtrAccessChain => self.pointer_access(span),
+            Opcode::PtrAccessChain | Opcode::InBoundsPtrAccessChain => self.pointer_access(span, 3),
+            Opcode::UntypedPtrAccessChainKHR | Opcode::UntypedInBoundsPtrAccessChainKHR => {
+                self.pointer_access(span, 4);
+            }
             Opcode::PtrEqual | Opcode::PtrNotEqual | Opcode::PtrDiff => self.pointer_comparison(span),
             Opcode::FunctionCall => self.call(span),
             Opcode::SpecConstantOp => self.spec_constant_op(span),
@@ -101,7 +104,7 @@ impl<'m> Universal<'m> {
         let executes = known.name.starts_with("Group")
             || known.name.starts_with("TypeCooperative")
             || span.opcode == Opcode::ReadClockKHR
-            || span.opcode == Opcode::ControlBarrier && at == span.start + 1;
+            || span.opcode.is_control_barrier() && at == span.start + 1;
         if scope == DEVICE && !executes && self.declared.has(C::VulkanMemoryModel as u32) {
             let what = "the memory scope Device of the Vulkan memory model";
             self.require(span, what, &[C::VulkanMemoryModelDeviceScope], UNIVERSAL);
@@ -352,16 +355,18 @@ impl<'m> Universal<'m> {
         }
     }
 
-    fn pointer_access(&mut self, span: Span) {
+    /// A step to another element of an array; the pointer is the word at `base`.
+    fn pointer_access(&mut self, span: Span, base: usize) {
         let opcode = span.opcode;
-        if span.opcode == Opcode::PtrAccessChain && self.is_logical() {
+        let steps = matches!(opcode, Opcode::PtrAccessChain | Opcode::UntypedPtrAccessChainKHR);
+        if steps && self.is_logical() {
             self.require(span, &opcode.to_string(), VARIABLE_POINTERS, UNIVERSAL);
         }
-        let class = self.storage_class(self.word(span, 3));
-        if span.opcode == Opcode::PtrAccessChain && class == Some(S::Workgroup as u32) {
+        let class = self.storage_class(self.word(span, base));
+        if steps && class == Some(S::Workgroup as u32) {
             let what = format!("{opcode} in Workgroup");
             self.require(span, &what, &[C::VariablePointers], "VUID-StandaloneSpirv-Base-07651");
-        } else if span.opcode == Opcode::PtrAccessChain && class == Some(S::StorageBuffer as u32) {
+        } else if steps && class == Some(S::StorageBuffer as u32) {
             let what = format!("{opcode} in StorageBuffer");
             self.require(span, &what, VARIABLE_POINTERS, "VUID-StandaloneSpirv-Base-07652");
         }

@@ -11,6 +11,7 @@ use crate::ops::memory::Chunk;
 use crate::ops::op::Op as Operation;
 use crate::ops::pointer::{Pointer, PointerBase};
 use crate::ops::translate::Translator;
+use crate::ops::untyped_pointer::pointer_to;
 use crate::ops::value_registers::{Words, registers_from};
 use anyhit_base::error::Result;
 
@@ -36,7 +37,11 @@ pub fn translate(translator: &mut Translator<'_>, instruction: &Instruction) -> 
         _ => return Ok(false),
     };
     let id = translator.id(instruction, 0)?;
-    let pointer = translator.pointer(id)?;
+    let ty = match opcode {
+        Opcode::AtomicStore => translator.id(instruction, 3).and_then(|value| translator.type_of(value))?,
+        _ => translator.result_type(instruction)?,
+    };
+    let pointer = pointer_to(translator, id, ty)?;
     let width = match *translator.module.ty(pointer.pointee) {
         Type::Int { width, .. } | Type::Float { width, encoding: None } => width,
         Type::Vector { component, count } => {

@@ -12,7 +12,7 @@ pub(super) const MESH: &str = "mesh stages";
 pub(super) const KERNELS: &str = "kernels";
 pub(super) const COOPERATIVE: &str = "cooperative vectors and matrices";
 pub(super) const TENSORS: &str = "tensors";
-pub(super) const HEAP: &str = "descriptor heap and untyped pointers";
+pub(super) const HEAP: &str = "descriptor heap";
 pub(super) const MICROMAPS: &str = "displacement micromaps";
 /// SPIR-V 3.3.10: "Instruction reserved for future use. Use of this instruction is invalid."
 pub(super) const RESERVED: &str = "reserved by the specification: their use is invalid";
@@ -88,6 +88,7 @@ pub(super) const READ_BY_MODULE_AND_PROGRAM: Groups<Opcode> = &[
             Opcode::TypeStruct,
             Opcode::TypePointer,
             Opcode::TypeForwardPointer,
+            Opcode::TypeUntypedPointerKHR,
             Opcode::TypeFunction,
             Opcode::TypeAccelerationStructureKHR,
             Opcode::TypeRayQueryKHR,
@@ -117,6 +118,7 @@ pub(super) const READ_BY_MODULE_AND_PROGRAM: Groups<Opcode> = &[
             Opcode::FunctionEnd,
             Opcode::FunctionCall,
             Opcode::Variable,
+            Opcode::UntypedVariableKHR,
             Opcode::Label,
             Opcode::Phi,
             Opcode::LoopMerge,
@@ -137,24 +139,22 @@ pub(super) const READ_BY_MODULE_AND_PROGRAM: Groups<Opcode> = &[
 ];
 
 /// Opcodes that do not run yet and need no capability of their own, or one that others need too.
-pub(super) const UNSUPPORTED_OPCODES: Groups<Opcode> = &[
-    ("images", &[Opcode::ImageGatherQCOM]),
-    (
-        "other arithmetic",
-        &[
-            Opcode::BitcastExtractEXT,
-            Opcode::FDot2MixAcc32VALVE,
-            Opcode::FDot2MixAcc16VALVE,
-            Opcode::FDot4MixAcc32VALVE,
-        ],
-    ),
-];
+pub(super) const UNSUPPORTED_OPCODES: Groups<Opcode> =
+    &[("images", &[Opcode::ImageGatherQCOM]), ("other arithmetic", &[Opcode::BitcastExtractEXT])];
 
 /// Opcodes out of scope that need no capability by which they could be classed.
 pub(super) const OUT_OF_SCOPE_OPCODES: Groups<Opcode> = &[
     (GRAPHICS, &[Opcode::Kill, Opcode::TerminateInvocation]),
     (COOPERATIVE, &[Opcode::CooperativeMatrixGetCoordinateEXT]),
-    (KERNELS, &[Opcode::PredicatedLoadINTEL, Opcode::PredicatedStoreINTEL]),
+    (
+        KERNELS,
+        &[
+            Opcode::PredicatedLoadINTEL,
+            Opcode::PredicatedStoreINTEL,
+            Opcode::UntypedPrefetchKHR,
+            Opcode::UntypedGroupAsyncCopyKHR,
+        ],
+    ),
     (
         RESERVED,
         &[
@@ -211,6 +211,7 @@ pub(super) const UNSUPPORTED_CAPABILITIES: Groups<Capability> = &[
             Capability::PhysicalStorageBufferAddresses,
             Capability::VariablePointers,
             Capability::VariablePointersStorageBuffer,
+            Capability::UntypedPointersKHR,
         ],
     ),
     ("images", &[Capability::ImageQuery, Capability::SparseResidency]),
@@ -274,7 +275,7 @@ pub(super) const OUT_OF_SCOPE_CAPABILITIES: Groups<Capability> = &[
         ],
     ),
     (TENSORS, &[Capability::TensorsARM, Capability::GraphARM, Capability::TensorAddressingNV]),
-    (HEAP, &[Capability::UntypedPointersKHR, Capability::DescriptorHeapEXT]),
+    (HEAP, &[Capability::DescriptorHeapEXT]),
     (MICROMAPS, &[Capability::DisplacementMicromapNV]),
     (GRAPHS, &[Capability::ShaderEnqueueAMDX]),
     (NOT_VULKAN, &[Capability::BindlessTextureNV]),
