@@ -1,7 +1,11 @@
 //! What is supported is known for all of SPIR-V, is true of the fixtures, and is what the
 //! documents say. `BLESS=1 cargo test --test main support_table::` rewrites the documents' tables.
+//!
+//! `spirv_extensions.txt` lists the extensions of SPIR-V's grammar;
+//! `ANYHIT_SPIRV_GRAMMAR=spirv.core.grammar.json` compares it with the grammar, and with `BLESS=1`
+//! writes it.
 
-use std::collections::HashSet;
+use std::collections::{BTreeSet, HashSet};
 use std::fs;
 use std::sync::Arc;
 
@@ -10,8 +14,10 @@ use anyhit_engine::ops::support::{Support, builtin, gaps, opcode, table};
 use anyhit_engine::program::lower;
 use pretty_assertions::assert_eq;
 use rspirv::spirv::BuiltIn;
+use serde_json::Value;
 
 use crate::support::files::{self, root};
+use crate::support::skipped::{skipped, test_name};
 
 const BEGIN: &str = "<!-- support table: written by tests/modules/support_table.rs -->\n";
 const END: &str = "<!-- end of support table -->";
@@ -106,6 +112,54 @@ fn the_documents_tables_are_those_of_the_instruction_set() {
     let row = summary.lines().find(|line| line.starts_with("| SPIR-V instructions |")).expect("their row");
     let count = row.split('|').nth(2).expect("a column").trim();
     assert!(readme.contains(&format!("[{count} SPIR-V instructions]")), "{count} instructions are supported");
+}
+
+const EXTENSIONS: &str = "tests/modules/spirv_extensions.txt";
+
+/// The classes of extensions are written by hand.
+#[test]
+fn every_extension_has_its_row() {
+    let list = fs::read_to_string(root().join(EXTENSIONS)).expect("the list").replace("\r\n", "\n");
+    let mut known: Vec<&str> = list.lines().skip(1).collect();
+    assert!(known.len() > 190, "{}", known.len());
+    let page = fs::read_to_string(root().join("docs/support.md")).expect("the page");
+    let (_, section) = page.split_once("## Extensions\n").expect("the section");
+    let (section, _) = section.split_once("\n## ").expect("its end");
+    let title = list.lines().next().and_then(|line| line.split(": ").next()).expect("a title");
+    let revision = title.trim_start_matches("# Extensions that the grammar of ").trim_end_matches(" names");
+    assert!(section.contains(revision.trim_end_matches(',')), "{revision}");
+    let mut classed: Vec<&str> = section.split('`').filter(|word| word.starts_with("SPV_")).collect();
+    classed.sort_unstable();
+    known.sort_unstable();
+    assert_eq!(classed, known);
+}
+
+#[test]
+fn the_list_of_extensions_is_that_of_the_grammar() {
+    let Some(grammar) = std::env::var_os("ANYHIT_SPIRV_GRAMMAR") else {
+        return skipped(test_name!(), "ANYHIT_SPIRV_GRAMMAR names no registry");
+    };
+    let grammar: Value =
+        serde_json::from_str(&fs::read_to_string(grammar).expect("the grammar")).expect("JSON");
+    let items = |value: &Value| value.as_array().cloned().unwrap_or_default();
+    let mut entries = items(&grammar["instructions"]);
+    entries.extend(items(&grammar["operand_kinds"]).iter().flat_map(|kind| items(&kind["enumerants"])));
+    let names: BTreeSet<String> = entries
+        .iter()
+        .flat_map(|entry| items(&entry["extensions"]))
+        .map(|name| name.as_str().expect("a name").to_owned())
+        .collect();
+    let mut list = format!(
+        "# Extensions that the grammar of SPIR-V {}.{}, revision {}, names: tests/modules/support_table.rs says \
+         how this is written.\n",
+        grammar["major_version"], grammar["minor_version"], grammar["revision"]
+    );
+    names.iter().for_each(|name| list += &format!("{name}\n"));
+    let path = root().join(EXTENSIONS);
+    if std::env::var_os("BLESS").is_some_and(|value| value == "1") {
+        fs::write(&path, &list).expect("a writable list");
+    }
+    assert!(fs::read_to_string(&path).expect("the list") == list, "BLESS=1 writes {EXTENSIONS} again");
 }
 
 /// Compares what stands between the marks of a document, or rewrites it.
