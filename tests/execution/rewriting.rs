@@ -19,10 +19,10 @@ use anyhit_base::error::Place;
 use anyhit_cases::case::{Case, Loaded};
 use anyhit_cases::expect::Observed;
 use anyhit_cases::run::{RayMeasurements, run, run_ray};
+use anyhit_engine::module::Opcode as Op;
 use anyhit_engine::pipeline::BatchWidth;
 use anyhit_scene::resolved::ShaderCode;
 use rayon::prelude::*;
-use rspirv::spirv::Op;
 
 use crate::support::files::{self, root};
 use rewrite::{Family, Module, Step, plan, rewritten};

@@ -43,7 +43,7 @@ impl Opcode {
     }
 
     /// Returns true for block terminators.
-    pub(crate) fn ends_block(self) -> bool {
+    pub fn ends_block(self) -> bool {
         InstructionGrammar::of(self).is_some_and(|known| known.ends_block)
     }
 

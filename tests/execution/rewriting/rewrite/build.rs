@@ -2,7 +2,8 @@
 
 use std::collections::HashMap;
 
-use rspirv::spirv::{Capability, Decoration, Op, StorageClass};
+use anyhit_engine::module::Opcode as Op;
+use rspirv::spirv::{Capability, Decoration, StorageClass};
 
 use super::words::{Inst, Module, Place};
 

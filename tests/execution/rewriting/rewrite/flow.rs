@@ -1,7 +1,8 @@
 //! Control flow: blocks cut, put under conditions and into loops of one turn, branches written
 //! otherwise.
 
-use rspirv::spirv::{Op, SelectionControl};
+use anyhit_engine::module::Opcode as Op;
+use rspirv::spirv::SelectionControl;
 
 use super::build::{Code, Index, Rng};
 use super::graph::Graph;

@@ -37,7 +37,7 @@ impl Graph {
         let (mut merges, mut loop_exits, mut continues) = (HashSet::new(), HashSet::new(), HashSet::new());
         for merge in blocks.iter().filter_map(|block| block.merge()) {
             merges.insert(merge.rest[0]);
-            if merge.op == rspirv::spirv::Op::LoopMerge {
+            if merge.op == anyhit_engine::module::Opcode::LoopMerge {
                 loop_exits.extend([merge.rest[0], merge.rest[1]]);
                 continues.insert(merge.rest[1]);
             }

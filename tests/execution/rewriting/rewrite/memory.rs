@@ -1,6 +1,7 @@
 //! Loads and stores: made twice, part by part, as copies; variables for phis and for nobody.
 
-use rspirv::spirv::{Op, StorageClass};
+use anyhit_engine::module::Opcode as Op;
+use rspirv::spirv::StorageClass;
 
 use super::build::{Code, Index, Rng};
 use super::places::{choose, in_order, replace};

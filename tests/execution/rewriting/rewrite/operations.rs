@@ -1,6 +1,6 @@
 //! Operations: which are pure, which work by component, and what they may be written as instead.
 
-use rspirv::spirv::Op;
+use anyhit_engine::module::Opcode as Op;
 
 use super::build::{Code, Index, Rng};
 use super::places::choose;
@@ -8,114 +8,125 @@ use super::words::{Inst, Module};
 
 /// Whether an operation works on each component by itself, results and operands alike in shape.
 pub fn is_by_component(op: Op) -> bool {
-    use Op::*;
     matches!(
         op,
-        SNegate
-            | FNegate
-            | Not
-            | LogicalNot
-            | ConvertFToU
-            | ConvertFToS
-            | ConvertSToF
-            | ConvertUToF
-            | UConvert
-            | SConvert
-            | FConvert
-            | IsNan
-            | IsInf
-            | BitReverse
-            | BitCount
-            | QuantizeToF16
-            | Bitcast
-            | Select
+        Op::SNegate
+            | Op::FNegate
+            | Op::Not
+            | Op::LogicalNot
+            | Op::ConvertFToU
+            | Op::ConvertFToS
+            | Op::ConvertSToF
+            | Op::ConvertUToF
+            | Op::UConvert
+            | Op::SConvert
+            | Op::FConvert
+            | Op::IsNan
+            | Op::IsInf
+            | Op::BitReverse
+            | Op::BitCount
+            | Op::QuantizeToF16
+            | Op::Bitcast
+            | Op::Select
     ) || is_binary(op)
 }
 
 fn is_binary(op: Op) -> bool {
-    use Op::*;
     matches!(
         op,
-        IAdd | FAdd
-            | ISub
-            | FSub
-            | IMul
-            | FMul
-            | UDiv
-            | SDiv
-            | FDiv
-            | UMod
-            | SRem
-            | SMod
-            | FRem
-            | FMod
-            | ShiftRightLogical
-            | ShiftRightArithmetic
-            | ShiftLeftLogical
-            | BitwiseOr
-            | BitwiseXor
-            | BitwiseAnd
-            | LogicalOr
-            | LogicalAnd
-            | LogicalEqual
-            | LogicalNotEqual
+        Op::IAdd
+            | Op::FAdd
+            | Op::ISub
+            | Op::FSub
+            | Op::IMul
+            | Op::FMul
+            | Op::UDiv
+            | Op::SDiv
+            | Op::FDiv
+            | Op::UMod
+            | Op::SRem
+            | Op::SMod
+            | Op::FRem
+            | Op::FMod
+            | Op::ShiftRightLogical
+            | Op::ShiftRightArithmetic
+            | Op::ShiftLeftLogical
+            | Op::BitwiseOr
+            | Op::BitwiseXor
+            | Op::BitwiseAnd
+            | Op::LogicalOr
+            | Op::LogicalAnd
+            | Op::LogicalEqual
+            | Op::LogicalNotEqual
     ) || turned(op).is_some()
 }
 
 /// A comparison, and which it is with operands exchanged; operations that commute, too.
 fn turned(op: Op) -> Option<Op> {
-    use Op::*;
     Some(match op {
-        IAdd | FAdd | IMul | FMul | BitwiseOr | BitwiseXor | BitwiseAnd | LogicalOr | LogicalAnd
-        | LogicalEqual | LogicalNotEqual | IEqual | INotEqual | FOrdEqual | FUnordEqual | FOrdNotEqual
-        | FUnordNotEqual | Dot => op,
-        UGreaterThan => ULessThan,
-        ULessThan => UGreaterThan,
-        SGreaterThan => SLessThan,
-        SLessThan => SGreaterThan,
-        UGreaterThanEqual => ULessThanEqual,
-        ULessThanEqual => UGreaterThanEqual,
-        SGreaterThanEqual => SLessThanEqual,
-        SLessThanEqual => SGreaterThanEqual,
-        FOrdGreaterThan => FOrdLessThan,
-        FOrdLessThan => FOrdGreaterThan,
-        FUnordGreaterThan => FUnordLessThan,
-        FUnordLessThan => FUnordGreaterThan,
-        FOrdGreaterThanEqual => FOrdLessThanEqual,
-        FOrdLessThanEqual => FOrdGreaterThanEqual,
-        FUnordGreaterThanEqual => FUnordLessThanEqual,
-        FUnordLessThanEqual => FUnordGreaterThanEqual,
+        Op::IAdd
+        | Op::FAdd
+        | Op::IMul
+        | Op::FMul
+        | Op::BitwiseOr
+        | Op::BitwiseXor
+        | Op::BitwiseAnd
+        | Op::LogicalOr
+        | Op::LogicalAnd
+        | Op::LogicalEqual
+        | Op::LogicalNotEqual
+        | Op::IEqual
+        | Op::INotEqual
+        | Op::FOrdEqual
+        | Op::FUnordEqual
+        | Op::FOrdNotEqual
+        | Op::FUnordNotEqual
+        | Op::Dot => op,
+        Op::UGreaterThan => Op::ULessThan,
+        Op::ULessThan => Op::UGreaterThan,
+        Op::SGreaterThan => Op::SLessThan,
+        Op::SLessThan => Op::SGreaterThan,
+        Op::UGreaterThanEqual => Op::ULessThanEqual,
+        Op::ULessThanEqual => Op::UGreaterThanEqual,
+        Op::SGreaterThanEqual => Op::SLessThanEqual,
+        Op::SLessThanEqual => Op::SGreaterThanEqual,
+        Op::FOrdGreaterThan => Op::FOrdLessThan,
+        Op::FOrdLessThan => Op::FOrdGreaterThan,
+        Op::FUnordGreaterThan => Op::FUnordLessThan,
+        Op::FUnordLessThan => Op::FUnordGreaterThan,
+        Op::FOrdGreaterThanEqual => Op::FOrdLessThanEqual,
+        Op::FOrdLessThanEqual => Op::FOrdGreaterThanEqual,
+        Op::FUnordGreaterThanEqual => Op::FUnordLessThanEqual,
+        Op::FUnordLessThanEqual => Op::FUnordGreaterThanEqual,
         _ => return None,
     })
 }
 
 /// Whether an instruction only calculates: it touches no memory and may be made again or elsewhere.
 pub fn is_pure(inst: &Inst, glsl: Option<u32>) -> bool {
-    use Op::*;
     is_by_component(inst.op)
         || matches!(
             inst.op,
-            VectorTimesScalar | MatrixTimesScalar | VectorTimesMatrix | MatrixTimesVector
-                | MatrixTimesMatrix | Transpose | OuterProduct | Dot | Any | All | CompositeConstruct
-                | CompositeExtract | CompositeInsert | VectorShuffle | VectorExtractDynamic
-                | VectorInsertDynamic | CopyObject | CopyLogical | BitFieldInsert | BitFieldSExtract
-                | BitFieldUExtract
+            Op::VectorTimesScalar | Op::MatrixTimesScalar | Op::VectorTimesMatrix | Op::MatrixTimesVector
+                | Op::MatrixTimesMatrix | Op::Transpose | Op::OuterProduct | Op::Dot | Op::Any | Op::All | Op::CompositeConstruct
+                | Op::CompositeExtract | Op::CompositeInsert | Op::VectorShuffle | Op::VectorExtractDynamic
+                | Op::VectorInsertDynamic | Op::CopyObject | Op::CopyLogical | Op::BitFieldInsert | Op::BitFieldSExtract
+                | Op::BitFieldUExtract
         )
         // Modf, Frexp and the interpolations take pointers.
-        || (inst.op == ExtInst
+        || (inst.op == Op::ExtInst
             && glsl == Some(inst.rest[0])
             && !matches!(inst.rest[1], 35 | 51 | 76..=78))
 }
 
 /// Whether an operand may be any value, and need not be a constant.
 pub fn takes_any(inst: &Inst, position: usize) -> bool {
-    use Op::*;
     match inst.op {
-        Store => position == 1,
-        BranchConditional | Switch | ReturnValue => position == 0,
-        FunctionCall => position > 0,
-        Phi => position.is_multiple_of(2),
-        ExtInst => false,
+        Op::Store => position == 1,
+        Op::BranchConditional | Op::Switch | Op::ReturnValue => position == 0,
+        Op::FunctionCall => position > 0,
+        Op::Phi => position.is_multiple_of(2),
+        Op::ExtInst => false,
         _ => is_pure(inst, None),
     }
 }

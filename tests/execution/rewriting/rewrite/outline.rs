@@ -2,7 +2,8 @@
 
 use std::collections::{HashMap, HashSet};
 
-use rspirv::spirv::{Op, StorageClass};
+use anyhit_engine::module::Opcode as Op;
+use rspirv::spirv::StorageClass;
 
 use super::build::{Code, Index, Rng};
 use super::operations::is_pure;

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::hash::{DefaultHasher, Hash, Hasher};
 
-use rspirv::spirv::Op;
+use anyhit_engine::module::Opcode as Op;
 
 use super::build::{Code, Index, Rng};
 use super::operations;
@@ -31,7 +31,7 @@ pub fn name(inst: &Inst) -> u64 {
         return u64::from(inst.id);
     }
     let mut hasher = DefaultHasher::new();
-    (inst.op as u32, &inst.rest).hash(&mut hasher);
+    (inst.op, &inst.rest).hash(&mut hasher);
     hasher.finish()
 }
 

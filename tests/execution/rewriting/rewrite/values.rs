@@ -1,6 +1,7 @@
 //! A value made again: through memory, from its parts, by two steps that cancel.
 
-use rspirv::spirv::{Capability, Op, StorageClass};
+use anyhit_engine::module::Opcode as Op;
+use rspirv::spirv::{Capability, StorageClass};
 
 use super::build::{Code, Rng};
 use super::words::Module;

@@ -4,13 +4,12 @@
 //! so that whatever moves or is inserted keeps its `file:line`.
 
 use std::collections::HashMap;
-use std::sync::{Arc, LazyLock};
+use std::sync::Arc;
 
+use anyhit_engine::module::Opcode as Op;
 use rspirv::dr;
-use rspirv::grammar::{
-    INSTRUCTION_TABLE, Instruction as Grammar, LogicalOperand, OperandKind, OperandQuantifier,
-};
-use rspirv::spirv::{self, Op};
+use rspirv::grammar::{LogicalOperand, OperandKind, OperandQuantifier};
+use rspirv::spirv;
 
 /// One instruction. An id of 0 is none.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -98,7 +97,7 @@ impl Inst {
 
     /// Whether it ends its block.
     pub fn is_terminator(&self) -> bool {
-        rspirv::grammar::reflect::is_block_terminator(self.op)
+        self.op.ends_block()
     }
 
     /// Whether it declares a merge.
@@ -326,23 +325,26 @@ impl Reader {
     }
 
     fn inst(&mut self, number: u32, words: &[u32]) -> Result<Inst, String> {
-        let grammar = grammar(number).ok_or_else(|| format!("opcode {number} is not in the tables"))?;
-        let has = |at: usize, kind| grammar.operands.get(at).is_some_and(|operand| operand.kind == kind);
+        let op = Op(number as u16);
+        if !op.is_known() {
+            return Err(format!("{op} is not in the tables"));
+        }
+        let has = |at: usize, kind| op.operands().get(at).is_some_and(|operand| operand.kind == kind);
         let has_type = has(0, OperandKind::IdResultType);
         let has_result = has(usize::from(has_type), OperandKind::IdResult);
         let results = usize::from(has_type) + usize::from(has_result);
         if words.len() < results {
-            return Err(format!("Op{} without its result", grammar.opname));
+            return Err(format!("{op} without its result"));
         }
         let ty = if has_type { words[0] } else { 0 };
         let id = if has_result { words[results - 1] } else { 0 };
-        let (op, rest) = (grammar.opcode, &words[results..]);
+        let rest = &words[results..];
         let wide = op == Op::Switch && {
             let ty = rest.first().and_then(|selector| self.types.get(selector));
             ty.and_then(|ty| self.widths.get(ty)).is_some_and(|width| *width > 32)
         };
         let ids = id_positions(op, rest, if wide { 2 } else { 1 })
-            .ok_or_else(|| format!("Op{} has operands that the tables do not know", grammar.opname))?;
+            .ok_or_else(|| format!("{op} has operands that the tables do not know"))?;
         if op == Op::TypeInt {
             self.widths.insert(id, rest[0]);
         }
@@ -374,7 +376,7 @@ fn push(module: &mut Module, inst: Inst) -> Result<(), String> {
     let Some(function) = module.functions.last_mut() else {
         if inst.op == Op::Function {
             module.functions.push(Function::new(inst, Vec::new(), Vec::new()));
-        } else if module.globals.is_empty() && !format!("{:?}", inst.op).starts_with("Type") {
+        } else if module.globals.is_empty() && !inst.op.to_string().starts_with("OpType") {
             module.head.push(inst);
         } else {
             module.globals.push(inst);
@@ -445,16 +447,10 @@ impl Writer {
     fn raw(&mut self, op: Op, ty: u32, id: u32, rest: &[u32]) {
         let results = [ty, id].into_iter().filter(|id| *id != 0);
         let count = 1 + results.clone().count() + rest.len();
-        self.words.push((count as u32) << 16 | op as u32);
+        self.words.push((count as u32) << 16 | u32::from(op.0));
         self.words.extend(results);
         self.words.extend(rest);
     }
-}
-
-fn grammar(number: u32) -> Option<&'static Grammar<'static>> {
-    static TABLE: LazyLock<HashMap<u32, &'static Grammar<'static>>> =
-        LazyLock::new(|| INSTRUCTION_TABLE.iter().map(|entry| (entry.opcode as u32, entry)).collect());
-    TABLE.get(&number).copied()
 }
 
 /// Which words behind the result are ids; `None` where the tables do not tell.
@@ -465,7 +461,7 @@ fn id_positions(op: Op, rest: &[u32], case_words: usize) -> Option<Vec<u16>> {
         walk.ids.extend((2..rest.len()).skip(case_words).step_by(case_words + 1).map(|at| at as u16));
         return Some(walk.ids);
     }
-    let operands = grammar(op as u32)?.operands.iter();
+    let operands = op.operands().iter();
     let behind = |operand: &&LogicalOperand| {
         !matches!(operand.kind, OperandKind::IdResultType | OperandKind::IdResult)
     };
@@ -536,7 +532,7 @@ impl Walk<'_> {
                 Vec::new()
             }
             K::LiteralSpecConstantOpInteger => {
-                let operands = grammar(word)?.operands.iter();
+                let operands = Op::of_operand(word).operands().iter();
                 let behind =
                     |operand: &&LogicalOperand| !matches!(operand.kind, K::IdResultType | K::IdResult);
                 operands.filter(behind).cloned().collect()
