@@ -149,7 +149,11 @@ fn pointers_step_by_the_stride_of_their_type_and_differ_in_bytes() {
         out 1 %distance
         %again = OpUntypedInBoundsPtrAccessChainKHR %step %float2 %begin %u2 %u1
         %equal = OpPtrEqual %bool %third %again
-        %equal_word = OpSelect %uint %equal %u1 %u0
+        %typed_out = OpAccessChain %ptr_StorageBuffer_uint %out %u0 %u0
+        %untyped_out = OpUntypedAccessChainKHR %untyped %out_block %out %u0 %u0
+        %same = OpPtrEqual %bool %typed_out %untyped_out
+        %both = OpLogicalAnd %bool %equal %same
+        %equal_word = OpSelect %uint %both %u1 %u0
         out 2 %equal_word
         %count = OpUntypedArrayLengthKHR %uint %words %a 0
         out 3 %count
@@ -177,6 +181,9 @@ fn lengths_have_64_bits_where_the_shader_asks_for_them() {
     let shader = Shader { capabilities: &capabilities, annotations: &annotations, ..shader(body) };
     let all = shader.run_with(&mut resources).unwrap_or_else(|error| panic!("{}", error.render()));
     assert_eq!(all[1][..2], [20, 10]);
+    let narrow = Shader { capabilities: CAPABILITIES, annotations: ANNOTATIONS, ..shader };
+    let error = narrow.run_with(&mut resources).expect_err("a length of 64 bits");
+    assert!(error.message().contains("a length of 64 bits instead of 32"), "{}", error.render());
 }
 
 #[test]

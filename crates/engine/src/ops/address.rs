@@ -87,6 +87,12 @@ pub fn translate(translator: &mut Translator<'_>, instruction: &Instruction) -> 
         }
         Opcode::PtrEqual | Opcode::PtrNotEqual => {
             let pointers = [translator.id(instruction, 0)?, translator.id(instruction, 1)?];
+            let types = [translator.type_of(pointers[0])?, translator.type_of(pointers[1])?];
+            let untyped = is_untyped(translator, pointers[0])? || is_untyped(translator, pointers[1])?;
+            if types[0] != types[1] && !untyped {
+                let [a, b] = types.map(|ty| translator.module.describe_type(ty));
+                return Err(translator.invalid(format!("{opcode} compares {a} with {b}")));
+            }
             let (a, b) = (translator.words_unchecked(pointers[0])?, translator.words_unchecked(pointers[1])?);
             if a.len() != b.len() {
                 return Err(translator.invalid("the compared pointers have different storage classes"));

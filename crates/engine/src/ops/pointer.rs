@@ -641,7 +641,16 @@ fn array_length(translator: &mut Translator<'_>, instruction: &Instruction) -> R
         let ty = translator.module.type_with_id(structure);
         pointer.pointee = ty.ok_or_else(|| translator.invalid(format!("%{} is not a type", structure.0)))?;
     }
+    /// `Shader64BitIndexingEXT`
+    const WIDE_INDEXING: u32 = 5426;
     let opcode = instruction.opcode;
+    let ty = translator.result_type(instruction)?;
+    let width = translator.scalar_width(ty)?;
+    let is_wide = width == 64 && translator.module.capabilities.contains(&WIDE_INDEXING);
+    if width != 32 && !is_wide {
+        let message = format!("{opcode}: a length of {width} bits instead of 32");
+        return Err(translator.invalid(message).note("SPIR-V, OpArrayLength; SPV_EXT_shader_64bit_indexing"));
+    }
     let Type::Struct { ref members, .. } = *translator.module.ty(pointer.pointee) else {
         return Err(translator.invalid(format!("the base of {opcode} is not a struct")));
     };
@@ -655,9 +664,7 @@ fn array_length(translator: &mut Translator<'_>, instruction: &Instruction) -> R
     let to = translator.fresh(1)?;
     translator.emit(Op::Memory(memory::MemoryOp::ArrayLength { to, buffer, offset, stride }));
     let mut words = SmallVec::from_slice(&[to]);
-    let ty = translator.result_type(instruction)?;
-    if translator.scalar_width(ty)? == 64 {
-        // SPV_EXT_shader_64bit_indexing
+    if is_wide {
         let high = translator.constant(0)?;
         let first = translator.pair(to, high)?;
         words = SmallVec::from_slice(&[first, first.plus(1)]);

@@ -149,6 +149,8 @@ pub(super) fn aligned_operand(code: &EntryCode<'_>, faults: &mut Vec<Fault>) {
             // With operands for the source alone, only the target's are read.
             Opcode::CopyMemory if operands.len() > 4 => (&operands[..1], 2),
             Opcode::CopyMemory => (&operands[..2], 2),
+            Opcode::CopyMemorySized if operands.len() > 5 => (&operands[..1], 3),
+            Opcode::CopyMemorySized => (&operands[..2], 3),
             _ => continue,
         };
         let physical = pointers

@@ -234,16 +234,19 @@ impl<'a> UniformityPlan<'a> {
             }
         }
         let Some(instruction) = self.definition(id) else { return };
+        if let Some(chain) = instruction.access_chain() {
+            sources.push(chain.base);
+            sources.extend(chain.element);
+            sources.extend(chain.indices.iter().map(|&id| Id(id)));
+            return;
+        }
         use Opcode as O;
         let operands = instruction.words.get(3..).unwrap_or_default();
         let ids = match instruction.opcode {
             O::Load | O::Image | O::CompositeExtract | O::ImageTexelPointer => {
                 operands.get(..1).unwrap_or_default()
             }
-            O::AccessChain
-            | O::InBoundsAccessChain
-            | O::PtrAccessChain
-            | O::SampledImage
+            O::SampledImage
             | O::CopyObject
             | O::FreezeKHR
             | O::Bitcast
@@ -401,8 +404,8 @@ fn access_operand(module: &Module, op: &Op, instruction: InstructionWords<'_>) -
     }
     let at = match instruction.opcode {
         O::Store | O::AtomicStore | O::ImageWrite => 1,
-        O::CopyMemory if op.buffer_store().is_some() => 1,
-        O::CopyMemory => 2,
+        O::CopyMemory | O::CopyMemorySized if op.buffer_store().is_some() => 1,
+        O::CopyMemory | O::CopyMemorySized => 2,
         // `Frexp` and the like write through a pointer, too.
         O::ExtInst => return None,
         _ => 3,

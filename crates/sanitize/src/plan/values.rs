@@ -71,7 +71,8 @@ impl<'m> Values<'m> {
 
     /// Whether a value is the length of an array.
     pub(super) fn is_array_length(&self, id: Id) -> bool {
-        self.origin(id).is_some_and(|origin| origin.opcode == Opcode::ArrayLength)
+        let lengths = [Opcode::ArrayLength, Opcode::UntypedArrayLengthKHR];
+        self.origin(id).is_some_and(|origin| lengths.contains(&origin.opcode))
     }
 
     /// Whether a value is what an atomic addition returned, by which an element is chosen that is

@@ -31,6 +31,17 @@ const ELSEWHERE: &[(&str, &[&str])] = &[
     ),
     ("operand_types/images.rs", &["ImageFetch", "ImageSampleExplicitLod"]),
     (
+        "untyped_pointers.rs; places are read as those of operand_types/indices.rs are",
+        &[
+            "UntypedAccessChainKHR",
+            "UntypedInBoundsAccessChainKHR",
+            "UntypedPtrAccessChainKHR",
+            "UntypedInBoundsPtrAccessChainKHR",
+            "CopyMemorySized",
+        ],
+    ),
+    ("float_encodings.rs", &["FDot2MixAcc32VALVE", "FDot2MixAcc16VALVE", "FDot4MixAcc32VALVE"]),
+    (
         "operand_types/matrices.rs",
         &[
             "MatrixTimesScalar",
@@ -106,7 +117,16 @@ const NO_NUMBERS: &[(&str, &[&str])] = &[
     ),
     (
         "control flow and calls: labels, functions, and values of a type that is told",
-        &["Function", "FunctionCall", "Variable", "LoopMerge", "SelectionMerge", "Branch", "ReturnValue"],
+        &[
+            "Function",
+            "FunctionCall",
+            "Variable",
+            "UntypedVariableKHR",
+            "LoopMerge",
+            "SelectionMerge",
+            "Branch",
+            "ReturnValue",
+        ],
     ),
     (
         "composites, copies and pointers: values of any type, literal indices",
@@ -116,6 +136,8 @@ const NO_NUMBERS: &[(&str, &[&str])] = &[
             "CompositeConstructReplicateEXT",
             "CopyMemory",
             "ArrayLength",
+            "UntypedArrayLengthKHR",
+            "AbortKHR",
             "ConvertPtrToU",
             "ConvertUToPtr",
             "PtrEqual",

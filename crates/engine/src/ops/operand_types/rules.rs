@@ -167,12 +167,14 @@ pub fn core(opcode: Opcode) -> Option<&'static OperandTypeRule> {
             &RULE
         }
         Opcode::SatConvertSToU => &INT_UNARY,
-        Opcode::ArrayLength => {
-            static RULE: OperandTypeRule = rule(ScalarBits(UINT, 32), &[]);
+        // 64 bits need a capability, which the translation checks.
+        Opcode::ArrayLength | Opcode::UntypedArrayLengthKHR => {
+            static RULE: OperandTypeRule = rule(Scalar(UINT), &[]);
             &RULE
         }
+        // Typed pointers are of one type, which the translation checks.
         Opcode::PtrEqual | Opcode::PtrNotEqual => {
-            static RULE: OperandTypeRule = rule(Scalar(BOOL), &[Any, SameAs(1)]);
+            static RULE: OperandTypeRule = rule(Scalar(BOOL), &[Any, Any]);
             &RULE
         }
         Opcode::PtrDiff => {
