@@ -66,6 +66,11 @@ pub enum PrintOutput {
 }
 
 impl PrintOp {
+    /// Returns true if the text is printed: that of an abort is not.
+    pub fn prints(&self) -> bool {
+        matches!(self.output, PrintOutput::Printed(_))
+    }
+
     /// See [`crate::ops::op::Op::accesses`].
     pub fn accesses(&self, visit: &mut dyn FnMut(Access)) {
         visit(Access::Effect);

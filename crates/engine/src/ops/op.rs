@@ -255,7 +255,7 @@ impl Op {
 
     /// Whether the operation prints.
     pub fn prints(&self) -> bool {
-        matches!(self, Self::Print(_))
+        matches!(self, Self::Print(op) if op.prints())
     }
 
     /// Whether the operation traces a ray, with its shaders.
