@@ -112,7 +112,7 @@ impl Parse for SpecializationValue {
                 ScalarPiece::Bytes(bytes, scalar) => LiteralValue::Bytes(bytes, scalar),
                 ScalarPiece::Address(of) => LiteralValue::Address(of),
             },
-            _ => return value.expected("a number or Boolean"),
+            _ => return value.expected("a number, a Boolean or a string"),
         };
         Some(Self { literal, place: value.span().place() })
     }
@@ -284,6 +284,7 @@ mod tests {
             (integer(1), Type::Bool, "1 is neither true nor false: write `true`"),
             (LiteralValue::Bytes(vec![0, 0, 128, 63], Some(Scalar::F32)), UINT, "the f32 1.0 is not uint"),
             (float_bits("1e39"), FLOAT, "1e39 is out of the range of float"),
+            (LiteralValue::Text("x".into()), UINT, "`x` is not a number"),
             (float_bits("65520.0"), HALF, "65520.0 is out of the range of float16_t"),
             (float_bits("465.0"), E4M3, "465.0 is out of the range of floate4m3_t"),
             (

@@ -440,7 +440,7 @@ mod tests {
             (vec![text("%v2f, %u"), pair.clone(), seven.clone()], "0.500000, -2.000000, 7"),
             (vec![text("count"), seven.clone(), pair.clone()], "count 7 (0.5, -2)"),
             (vec![seven.clone(), text("%u")], "7 %u"),
-            (vec![text("%s of %u"), seven.clone()], "7 of %?"),
+            (vec![text("%u of %u"), seven.clone()], "7 of %?"),
         ] {
             assert_eq!(abort_message(values), expected);
         }

@@ -400,7 +400,7 @@ mod tests {
             (
                 "f 1 2 3 9 4\n",
                 &[
-                    "a face (`f`): no position has the index 9: there are 4 lines of `v` in the file, counted from 1",
+                    "a face (`f`): no position has the index 9: there are 5 lines of `v` in the file, counted from 1",
                 ],
             ),
         ] {
