@@ -2,7 +2,7 @@
 
 use rustc_hash::FxHashMap;
 
-use anyhit_engine::module::{Definition, Id, Module, Opcode};
+use anyhit_engine::module::{Id, Module, Opcode};
 
 /// Finds the constants that values of a module can be, through variables, arguments and choices.
 #[derive(Debug)]
@@ -61,9 +61,7 @@ impl<'a> PossibleConstants<'a> {
         if let Some(sources) = sources {
             return all(sources);
         }
-        let Definition::Result(function, block, at) = self.module.definition(value)? else { return None };
-        let block = self.module.functions.get(function as usize)?.blocks.get(block as usize)?;
-        let instruction = block.instructions.get(at as usize)?;
+        let instruction = self.module.result_instruction(value)?;
         let operands = self.module.operands(instruction);
         match (instruction.opcode, operands) {
             (

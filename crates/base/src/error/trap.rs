@@ -213,10 +213,10 @@ pub enum TrapOperands {
         /// What is wrong with them.
         rule: &'static str,
     },
-    /// What the shader says of an abort.
+    /// Message of `OpAbortKHR`.
     Abort {
-        /// The message: texts before the first number are the format of what follows, as
-        /// `debugPrintfEXT` has it; values without a place in it are behind it.
+        /// The formatted message. Text before the first number is a format of `debugPrintfEXT` for
+        /// the values that follow; values without a directive are appended.
         message: String,
     },
     /// The hit kind of a report.

@@ -93,16 +93,16 @@ impl TrapExpectation {
             found.push(difference);
         }
         if let Some(message) = &self.message {
-            let told = match &trap.operands {
+            let found_message = match &trap.operands {
                 TrapOperands::Abort { message } => Some(message),
                 _ => None,
             };
-            if told != Some(&message.value) {
-                let text =
-                    told.map_or("without a message".to_owned(), |told| format!("with the message {told:?}"));
+            if found_message != Some(&message.value) {
+                let text = found_message
+                    .map_or("without a message".to_owned(), |text| format!("with the message {text:?}"));
                 let difference = Difference::new(&message.span, format!("trapped {text}: {error}"), because);
-                found.push(match told {
-                    Some(told) => difference.mended(&message.span, format!("{told:?}"), because),
+                found.push(match found_message {
+                    Some(text) => difference.mended(&message.span, format!("{text:?}"), because),
                     None => difference,
                 });
             }

@@ -25,7 +25,7 @@ pub(crate) struct InstructionGrammar {
     pub(crate) has_type: bool,
     /// Whether it has a result id (after the result type, if there is one).
     pub(crate) has_result: bool,
-    /// Whether it defines a constant or an undefined value.
+    /// True for constants and undefined values.
     pub(crate) is_constant: bool,
     /// Whether it is allowed only outside functions.
     pub(crate) module_scope_only: bool,

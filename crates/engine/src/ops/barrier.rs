@@ -3,8 +3,8 @@
 //! Every access is visible to all later ones, so an `OpMemoryBarrier` has nothing to do, and
 //! neither has an `OpControlBarrier` of scope Subgroup: the invocations of a subgroup run in one
 //! batch, in lockstep. One of scope Workgroup stops the batch until the whole workgroup has reached
-//! it. Of a split barrier (`SPV_EXT_split_barrier`) the half that waits is that stop: whoever comes
-//! to it has arrived before.
+//! it. A split barrier (`SPV_EXT_split_barrier`) stops the batch at the wait; the arrival has
+//! nothing to do.
 
 use rspirv::spirv::Scope;
 

@@ -50,13 +50,13 @@ pub enum Argument {
 /// Writes a text for each running lane.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PrintOp {
-    /// What becomes of it.
+    /// Where the text goes.
     pub output: PrintOutput,
     /// The arguments.
     pub arguments: Arc<[Argument]>,
 }
 
-/// What becomes of a text.
+/// Destination of a text.
 #[derive(Clone, Debug, PartialEq)]
 pub enum PrintOutput {
     /// `DebugPrintf` prints it in this format.

@@ -337,7 +337,7 @@ pub fn pointer_from_words(translator: &mut Translator<'_>, ty: TypeId, words: &[
     let Type::Pointer { storage_class, pointee, .. } = *translator.module.ty(ty) else {
         return Err(translator.invalid("the operand must be a pointer"));
     };
-    // What uses an untyped pointer knows better.
+    // Instructions that use an untyped pointer give it the type of the access.
     let pointee = pointee.unwrap_or(ty);
     let (base, index) = match (storage_class, words) {
         (storage::PHYSICAL_STORAGE_BUFFER, &[low, high]) => {

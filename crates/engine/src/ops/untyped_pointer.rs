@@ -31,7 +31,7 @@ pub fn is_untyped(translator: &Translator<'_>, pointer: Id) -> Result<bool> {
 /// The pointer that an id is, where an untyped one points to a value of this type.
 pub fn pointer_to(translator: &mut Translator<'_>, id: Id, ty: TypeId) -> Result<Pointer> {
     let pointer = translator.pointer(id)?;
-    Ok(if is_untyped(translator, id)? { retyped(pointer, ty) } else { pointer })
+    Ok(if pointer.pointee != ty && is_untyped(translator, id)? { retyped(pointer, ty) } else { pointer })
 }
 
 /// A pointer to a value of another type at the same place. The layout of a matrix to which access

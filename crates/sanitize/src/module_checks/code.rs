@@ -102,9 +102,7 @@ impl<'a> EntryCode<'a> {
 
     /// The instruction in a function that an id is the result of.
     pub(crate) fn result(&self, id: Id) -> Option<&'a Instruction> {
-        let Definition::Result(function, block, at) = self.module.definition(id)? else { return None };
-        let block = self.module.functions[function as usize].blocks.get(block as usize)?;
-        block.instructions.get(at as usize)
+        self.module.result_instruction(id)
     }
 
     /// The parts that a pointer or an image is made from. Where it cannot be followed (a choice

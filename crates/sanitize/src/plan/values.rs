@@ -2,7 +2,7 @@
 
 use rustc_hash::{FxHashMap, FxHashSet};
 
-use anyhit_engine::module::{Definition, Id, Instruction, Module, Opcode};
+use anyhit_engine::module::{Id, Instruction, Module, Opcode};
 
 /// The values of a module, by what its instructions make of them.
 #[derive(Debug)]
@@ -53,9 +53,7 @@ impl<'m> Values<'m> {
         let mut id = id;
         // A value does not come from itself; a module that says so is cut off.
         for _ in 0..16 {
-            let Definition::Result(function, block, at) = self.module.definition(id)? else { return None };
-            let block = self.module.functions[function as usize].blocks.get(block as usize)?;
-            let instruction = block.instructions.get(at as usize)?;
+            let instruction = self.module.result_instruction(id)?;
             let operand = self.module.operands(instruction).first().map(|&operand| Id(operand));
             id = match instruction.opcode {
                 Opcode::CopyObject | Opcode::FreezeKHR | Opcode::Bitcast => operand?,

@@ -63,8 +63,9 @@ pub fn layout_faults(
             faults.extend(check(ty, class, variable.offset));
         }
     }
-    // What untyped chains lead through (SPV_KHR_untyped_pointers, Base Type).
-    for instruction in module.instructions() {
+    // The base types of untyped access chains (SPV_KHR_untyped_pointers).
+    let has_untyped = module.types.iter().any(|ty| matches!(ty, Type::Pointer { pointee: None, .. }));
+    for instruction in module.instructions().filter(|_| has_untyped) {
         let Some(base) = module.access_chain(instruction).and_then(|chain| chain.base_type) else { continue };
         let pointer = instruction.result_type.and_then(|id| module.type_with_id(id));
         if let Some(&Type::Pointer { storage_class, .. }) = pointer.map(|ty| module.ty(ty))

@@ -98,8 +98,8 @@ fn added_enumerants(kind: Kind) -> &'static [Entry] {
 }
 
 impl Opcode {
-    /// Extensions that specify the instruction; empty for core instructions. For an instruction
-    /// that rspirv lacks, those of its first capability.
+    /// Extensions that specify the instruction; empty for core instructions. An instruction that
+    /// rspirv lacks has the extensions of its first capability.
     pub(crate) fn extensions(self) -> &'static [&'static str] {
         if let Some(known) = INSTRUCTION_TABLE.iter().find(|known| self == known.opcode.into()) {
             return known.extensions;
