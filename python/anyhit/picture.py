@@ -5,12 +5,13 @@ from __future__ import annotations
 import os
 import struct
 import zlib
-from typing import Any, Union
-
-import numpy as np
-import numpy.typing as npt
+from typing import TYPE_CHECKING, Any, Union
 
 from .errors import InvalidArgument
+
+if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
 
 __all__ = ["Picture"]
 
@@ -26,6 +27,8 @@ class Picture:
     """
 
     def __init__(self, image: npt.ArrayLike, *, srgb: bool = False) -> None:
+        import numpy as np
+
         try:
             array = np.asarray(image)
         except (TypeError, ValueError, MemoryError, OverflowError, RecursionError) as error:
@@ -40,11 +43,15 @@ class Picture:
         self._srgb = srgb
 
     def __array__(self, dtype: Any = None, copy: Any = None) -> npt.NDArray[Any]:
+        import numpy as np
+
         return np.array(self._array, dtype) if copy or dtype is not None else self._array
 
     @property
     def png(self) -> bytes:
         """The picture as a PNG file."""
+        import numpy as np
+
         height, width, components = self._array.shape
         rows = np.zeros((height, 1 + width * components), np.uint8)
         rows[:, 1:] = self._bytes().reshape(height, -1)
@@ -65,6 +72,8 @@ class Picture:
         return f"<anyhit.Picture: {width} x {height}, {components} components>"
 
     def _bytes(self) -> npt.NDArray[np.uint8]:
+        import numpy as np
+
         array = self._array
         if array.dtype == np.uint8 and not self._srgb:
             return np.ascontiguousarray(array)

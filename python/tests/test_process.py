@@ -5,6 +5,7 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
+import subprocess
 import sys
 import threading
 import time
@@ -171,6 +172,12 @@ def test_a_scene_is_interrupted(tmp_path: Any) -> None:
         with pytest.raises(KeyboardInterrupt):
             work()
         assert time.monotonic() - began < 6
+
+
+def test_the_package_is_imported_without_numpy() -> None:
+    """The plugin is loaded in every run of pytest, also in those of projects without shaders."""
+    code = "import sys, anyhit, anyhit.pytest_plugin; print('numpy' in sys.modules)"
+    assert subprocess.check_output([sys.executable, "-c", code], text=True) == "False\n"
 
 
 def test_other_threads_are_not_interrupted() -> None:
