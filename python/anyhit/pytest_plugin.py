@@ -106,36 +106,60 @@ def _prompt_in(config: pytest.Config) -> None:
     config.add_cleanup(put_back)
 
 
+class _CoverageSum:
+    """A sum of coverages. Each is added to sums of as many only, so that the time grows with their
+    number times its logarithm."""
+
+    def __init__(self) -> None:
+        self._parts: list[tuple[int, Coverage]] = []
+
+    def add(self, covered: Coverage) -> None:
+        count = 1
+        while self._parts and self._parts[-1][0] == count:
+            covered = self._parts.pop()[1] + covered
+            count *= 2
+        self._parts.append((count, covered))
+
+    def total(self) -> Coverage:
+        from . import Coverage
+
+        total = Coverage()
+        for _, part in self._parts:
+            total += part
+        return total
+
+
 class CoverageOfShaders:
     """Collects what shaders cover, from the processes of pytest-xdist, too, and writes it."""
 
     def __init__(self, config: pytest.Config) -> None:
-        from . import Coverage
-
         self._config = config
-        self._sum = Coverage()
+        self._sum = _CoverageSum()
 
     @pytest.hookimpl(hookwrapper=True)
     def pytest_runtest_makereport(self, item: pytest.Item) -> Iterator[None]:
+        from . import Coverage
         from ._anyhit import _recorded_coverage
 
         outcome: Any = yield
         covered = _recorded_coverage()
         if isinstance(item, CaseItem):
             covered += item.take_coverage()
-        outcome.get_result().anyhit_coverage = covered.json()
+        if covered != Coverage():
+            outcome.get_result().anyhit_coverage = covered.json()
 
     def pytest_runtest_logreport(self, report: Any) -> None:
         from . import Coverage
 
         if hasattr(report, "anyhit_coverage"):
-            self._sum += Coverage(report.anyhit_coverage)
+            self._sum.add(Coverage(report.anyhit_coverage))
 
     def pytest_terminal_summary(self, terminalreporter: Any) -> None:
         file = self._config.getoption("--anyhit-coverage")
-        self._sum.write(file)
+        total = self._sum.total()
+        total.write(file)
         terminalreporter.section("coverage of shaders")
-        terminalreporter.write(self._sum.summary())
+        terminalreporter.write(total.summary())
         terminalreporter.write_line(f"written to {file}")
 
 

@@ -208,3 +208,41 @@ def test_coverages_add_up() -> None:
     assert pickle.loads(pickle.dumps(one)) == one == one + anyhit.Coverage() != both
     with pytest.raises(anyhit.InvalidArgument, match="json"):
         anyhit.Coverage("{")
+
+
+class CountedLines:
+    """A coverage in which an addition costs its lines."""
+
+    cost = 0
+
+    def __init__(self, lines: int) -> None:
+        self.lines = lines
+
+    def __add__(self, other: CountedLines) -> CountedLines:
+        CountedLines.cost += self.lines + other.lines
+        return CountedLines(self.lines + other.lines)
+
+
+def test_the_sum_of_coverages_takes_no_quadratic_time() -> None:
+    from anyhit.pytest_plugin import _CoverageSum
+
+    reports = _CoverageSum()
+    for _ in range(4096):
+        reports.add(CountedLines(1))  # type: ignore[arg-type]
+    # One after the other they would cost 4096 * 4097 / 2 lines.
+    assert CountedLines.cost <= 4096 * 12
+
+
+def test_a_sum_of_coverages_is_that_of_all() -> None:
+    import anyhit
+    from anyhit.pytest_plugin import _CoverageSum
+
+    suite = anyhit.Suite(REPOSITORY / "shaders/pass/sphere/closest-hit/scene.toml")
+    one = suite.run(0, coverage=True).coverage
+    assert one is not None
+    reports, wanted = _CoverageSum(), anyhit.Coverage()
+    for _ in range(7):
+        assert reports.total() == wanted
+        reports.add(one)
+        wanted += one
+    assert reports.total() == wanted
