@@ -10,13 +10,12 @@ use anyhit_cases::stability::Perturbation;
 use anyhit_cases::suite::{self, Outcome, SuiteOptions};
 use anyhit_sanitize::Levels;
 use anyhit_scene::SceneFiles;
-use pyo3::exceptions::PyIndexError;
 use pyo3::prelude::*;
 
 use crate::argument;
 use crate::copies::never_changes;
 use crate::coverage::Coverage;
-use crate::error::span;
+use crate::error::{invalid, span};
 use crate::run::run;
 
 /// The tests of a scene file, or of a folder: its launch, and each of its rays that expects
@@ -65,7 +64,7 @@ impl Suite {
     ) -> PyResult<Finished> {
         let count = self.suite.tests().len();
         if at >= count {
-            return Err(PyIndexError::new_err(format!("there is no test {at} of {count}")));
+            return Err(invalid(format!("at: no test {at}: the suite has {count}")));
         }
         let mut one = self.suite.clone();
         one.shard(Shard { number: at + 1, of: count }, None);

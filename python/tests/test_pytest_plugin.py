@@ -210,6 +210,14 @@ def test_coverages_add_up() -> None:
         anyhit.Coverage("{")
 
 
+def test_a_test_that_a_suite_lacks_is_an_error() -> None:
+    import anyhit
+
+    suite = anyhit.Suite(REPOSITORY / "shaders/pass/sphere/closest-hit/scene.toml")
+    with pytest.raises(anyhit.InvalidArgument, match=f"at: no test 9: the suite has {len(suite.names)}"):
+        suite.run(9)
+
+
 class CountedLines:
     """A coverage in which an addition costs its lines."""
 
