@@ -101,7 +101,7 @@ impl Argument for PathBuf {
 pub(crate) struct Bytes(pub(crate) Vec<u8>);
 
 /// The bytes of an object that is made of them; `None` for another one.
-pub(crate) fn bytes_of(given: &Bound<'_, PyAny>) -> PyResult<Option<Vec<u8>>> {
+pub(crate) fn bytes_of(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Option<Vec<u8>>> {
     if let Ok(bytes) = given.cast::<PyBytes>() {
         return Ok(Some(bytes.as_bytes().to_vec()));
     }
@@ -109,7 +109,7 @@ pub(crate) fn bytes_of(given: &Bound<'_, PyAny>) -> PyResult<Option<Vec<u8>>> {
     if given.is_instance_of::<PyUntypedArray>() {
         return Ok(None);
     }
-    match buffer_of(given)? {
+    match buffer_of(name, given)? {
         Some(view) if is_untyped(&view)? => {
             let bytes = view.call_method0("tobytes")?;
             Ok(Some(bytes.cast::<PyBytes>().map_err(PyErr::from)?.as_bytes().to_vec()))
@@ -120,8 +120,7 @@ pub(crate) fn bytes_of(given: &Bound<'_, PyAny>) -> PyResult<Option<Vec<u8>>> {
 
 impl Argument for Bytes {
     fn of(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Self> {
-        let bytes = bytes_of(given).map_err(|error| invalid(format!("{name}: {error}")))?;
-        bytes.map(Self).ok_or_else(|| wrong_class(name, "bytes", given))
+        bytes_of(name, given)?.map(Self).ok_or_else(|| wrong_class(name, "bytes", given))
     }
 }
 

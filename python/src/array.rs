@@ -41,7 +41,7 @@ pub(crate) fn array_of<'py>(
     } else if !is_class && given.hasattr("__dlpack__")? {
         numpy.call_method1("from_dlpack", (given,))
     } else {
-        match buffer_of(given)? {
+        match buffer_of(name, given)? {
             Some(view) if !is_untyped(&view)? => numpy.call_method1("asarray", (view,)),
             _ => return Ok(None),
         }
@@ -68,11 +68,17 @@ fn named(name: &str, py: Python<'_>, error: PyErr) -> PyErr {
 }
 
 /// The memory of an object with the buffer protocol; `None` for one without.
-pub(crate) fn buffer_of<'py>(given: &Bound<'py, PyAny>) -> PyResult<Option<Bound<'py, PyMemoryView>>> {
+///
+/// # Errors
+/// `InvalidArgument` with the argument's name for an object that refuses its memory.
+pub(crate) fn buffer_of<'py>(
+    name: &str,
+    given: &Bound<'py, PyAny>,
+) -> PyResult<Option<Bound<'py, PyMemoryView>>> {
     match PyMemoryView::from(given) {
         Ok(view) => Ok(Some(view)),
         Err(error) if error.is_instance_of::<PyTypeError>(given.py()) => Ok(None),
-        Err(error) => Err(invalid(error.to_string())),
+        Err(error) => Err(named(name, given.py(), error)),
     }
 }
 
@@ -202,7 +208,7 @@ pub(crate) fn copied_rows<const N: usize>(
 
 /// The bytes of an array of any dtype, C-contiguous, or of an object that is made of bytes.
 pub(crate) fn bytes(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Vec<u8>> {
-    if let Some(bytes) = bytes_of(given)? {
+    if let Some(bytes) = bytes_of(name, given)? {
         return Ok(bytes);
     }
     let Some(array) = array_of(name, given)? else {

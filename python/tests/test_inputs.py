@@ -5,7 +5,7 @@ from __future__ import annotations
 import array
 import ctypes
 import mmap
-from typing import Any
+from typing import Any, Callable
 
 import anyhit
 import numpy as np
@@ -93,6 +93,29 @@ def test_arrays_of_other_packages_are_buffers(numbers: Any) -> None:
 def test_their_types_are_compared(numbers: Any, message: str) -> None:
     with pytest.raises(anyhit.InvalidArgument, match=message):
         doubled(numbers)
+
+
+def released() -> Any:
+    view = memoryview(array.array("f", [1, 2, 3]))
+    view.release()
+    return view
+
+
+@pytest.mark.parametrize(
+    ("call", "name"),
+    [
+        (lambda view: doubled(view), "data"),
+        (lambda view: anyhit.DeviceBuffers().add("a", view), "data"),
+        (lambda view: anyhit.Module.from_spirv(view), "spirv"),
+        (lambda view: anyhit.Instance.spheres(view, 1.0), "positions"),
+        (lambda view: anyhit.Ray(view, [0, 0, 1]), "origin"),
+    ],
+    ids=["buffer", "device buffer", "spirv", "positions", "origin"],
+)
+def test_an_object_that_refuses_its_memory_is_named(call: Callable[[Any], object], name: str) -> None:
+    with pytest.raises(anyhit.InvalidArgument) as raised:
+        call(released())
+    assert raised.value.message == f"{name}: operation forbidden on released memoryview object"
 
 
 def test_results_go_to_other_packages() -> None:
