@@ -159,6 +159,22 @@ fn nested_within(
 
 /// A number of Python or of numpy; `None` where the data are something else.
 fn number(path: &str, data: &Bound<'_, PyAny>) -> PyResult<Option<ScalarValue>> {
+    if let Some(number) = python_number(path, data)? {
+        return Ok(Some(number));
+    }
+    // A scalar of numpy.
+    if data.hasattr("dtype")? && data.cast::<PyUntypedArray>().is_err() {
+        let array = data.py().import("numpy")?.call_method1("asarray", (data,))?;
+        let array = array.cast_into::<PyUntypedArray>()?;
+        check_kind(path, &array)?;
+        // An object without an array, such as the module `numpy`, is its own only item.
+        return python_number(path, &array.call_method0("item")?);
+    }
+    Ok(None)
+}
+
+/// A number of Python; `None` where the data are something else.
+fn python_number(path: &str, data: &Bound<'_, PyAny>) -> PyResult<Option<ScalarValue>> {
     if let Ok(value) = data.cast::<PyBool>() {
         return Ok(Some(ScalarValue::Bool(value.is_true())));
     }
@@ -170,13 +186,6 @@ fn number(path: &str, data: &Bound<'_, PyAny>) -> PyResult<Option<ScalarValue>> 
             invalid(format!("{}{} is out of the range of every integer type", of(path), short(data)))
         })?;
         return Ok(Some(ScalarValue::Whole(value)));
-    }
-    // A scalar of numpy.
-    if data.hasattr("dtype")? && data.cast::<PyUntypedArray>().is_err() {
-        let array = data.py().import("numpy")?.call_method1("asarray", (data,))?;
-        let array = array.cast_into::<PyUntypedArray>()?;
-        check_kind(path, &array)?;
-        return number(path, &array.call_method0("item")?);
     }
     Ok(None)
 }

@@ -76,6 +76,12 @@ MISTAKES: dict[str, tuple[Mistake, str]] = {
     ),
     "float for int": (lambda pipeline, _: pipeline.launch(SCENE, 1.5), "width: 1.5 is a float"),
     "text for int": (lambda pipeline, _: pipeline.launch(SCENE, "3"), "width: expected int, found str"),
+    # Its `dtype` is no number's, and an array of it has the module as its item.
+    "module for int": (
+        lambda *_: untyped.Scene([]).buffer(np, 0, b""),
+        "set: expected int or the name of a binding, found module",
+    ),
+    "module for float": (lambda *_: untyped.Ray([0, 0, np], [0, 0, 1]), "origin: expected a number.*found module"),
     "no binding": (lambda *_: untyped.Scene([]).buffer(0), "binding: missing"),
     "no data": (lambda *_: untyped.Scene([]).buffer(0, 1), "data: missing"),
     "name and binding": (lambda *_: untyped.Scene([]).buffer("a", 0, b""), "leave out the binding"),
