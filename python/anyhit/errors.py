@@ -45,6 +45,9 @@ class Error(Exception):
     def __str__(self) -> str:
         return self.report.rstrip()
 
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.report!r})"
+
     @property
     def kind(self) -> str:
         """The name of the kind in the crate: ``InvalidScene``."""

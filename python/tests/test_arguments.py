@@ -139,6 +139,12 @@ def test_a_method_as_a_statement_warns(builtins: anyhit.Module) -> None:
     assert ended.returncode == 0 and "was not used" in ended.stderr
 
 
+def test_the_representation_of_an_error_is_its_report() -> None:
+    details: dict[str, object] = {"kind": "Trap"}
+    details["itself"] = details
+    assert repr(anyhit.Trap("error: x\n", details)) == r"Trap('error: x\n')"
+
+
 def test_rays_are_values() -> None:
     ray = anyhit.Ray([0, 0, 1], np.array([0, 0, -1.0]), t_max=np.float32(5))
     same = anyhit.Ray((0, 0, 1), [-0.0, 0, -1], 0, 5)
