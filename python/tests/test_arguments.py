@@ -235,7 +235,7 @@ def public(builtins: anyhit.Module, pipeline: anyhit.Pipeline) -> dict[str, Call
             if (not name.startswith("_") or name in ("__eq__", "__hash__", "__repr__")) and callable(getattr(thing, name)):
                 found[f"{type(thing).__name__}.{name}"] = getattr(thing, name)
     # What runs for as long as its arguments say, and what reads whatever folder is named.
-    for name in ["stress", "LoadedScene.many_seeds", "Suite", "LoadedScene.launch", "Pipeline.launch"]:
+    for name in ["stress", "ComputeTest.many_seeds", "LoadedScene.many_seeds", "Suite", "LoadedScene.launch", "Pipeline.launch"]:
         found.pop(name, None)
     return found
 

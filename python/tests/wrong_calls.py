@@ -181,7 +181,9 @@ def callables(objects: dict[str, Any]) -> list[tuple[str, Callable[..., Any]]]:
             if not member.startswith("_") and receiver is not None and callable(getattr(one, member)):
                 found.append((f"{name}.{member}", getattr(receiver, member)))
         for operator in ("__eq__", "__lt__", "__getitem__", "__contains__", "__call__", "__setstate__", "__reduce_ex__"):
-            if name in objects and hasattr(objects[name], operator):
+            # Those of `object` are Python's.
+            is_own = getattr(one, operator, None) is not getattr(object, operator, None)
+            if name in objects and is_own and hasattr(objects[name], operator):
                 found.append((f"{name}.{operator}", getattr(objects[name], operator)))
     return found
 
