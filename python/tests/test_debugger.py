@@ -85,7 +85,7 @@ def test_a_hit():
     module = anyhit.Module.open({str(FIXTURES / "pass/sphere/closest-hit/main.rchit.spv")!r})
     ray = anyhit.Ray([0, 0, 4], [0, 0, -1])
     test = anyhit.ShaderTest(module).hit(anyhit.Hit.sphere([0, 0, 0], 0.5, ray))
-    print("captured")
+    print("a line of the test")
     anyhit.breakpoint(test)
     assert test.run().exit == "Returned"
 """
@@ -96,7 +96,7 @@ def test_a_prompt_in_a_test_is_not_captured(pytester: pytest.Pytester) -> None:
     command = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider"]
     done = subprocess.run(command, input="print gl_HitTEXT\nquit\n", capture_output=True, text=True, cwd=pytester.path)
     assert done.returncode == 0, done.stdout + done.stderr
-    assert "gl_HitTEXT = float 3.5" in done.stdout and "captured" not in done.stdout
+    assert "gl_HitTEXT = float 3.5" in done.stdout and "a line of the test" not in done.stdout
     pytest.importorskip("xdist")
     spread = subprocess.run([*command, "-n", "1"], capture_output=True, text=True, cwd=pytester.path)
     assert "run pytest without `-n`" in spread.stdout
