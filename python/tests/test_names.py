@@ -148,6 +148,7 @@ MEMBERS = {
     "LoadedScene::from_text()": "`Scene.from_text`",
     "Module::compile()": "`open`, `from_source`",
     "Module::specialize()": "`specialization=` of `Program`, `ShaderTest` and `ComputeTest`",
+    "Module::specialize_data()": "no: `specialization=` takes numbers",
     "Pipeline::builder()": "the constructor",
     "Pipeline::launch_bands()": "no: an array holds a whole image",
     "Pipeline::launch_mut()": "`launch`, whose outcome has the next `scene`",
