@@ -9,6 +9,7 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Iterator
 from typing import Any, Callable
 
 import anyhit
@@ -161,7 +162,15 @@ def test_a_signal_ends_what_runs(name: str) -> None:
     trace(10)
 
 
-def test_a_scene_is_interrupted(tmp_path: Any) -> None:
+@pytest.fixture
+def interrupts() -> Iterator[None]:
+    """Python's handler of SIGINT, which a job in the background of a shell starts without."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+def test_a_scene_is_interrupted(tmp_path: Any, interrupts: None) -> None:
     (tmp_path / "spin.wgsl").write_text(ENDLESS)
     scene = anyhit.Scene.from_text(tmp_path / "scene.toml", SCENE)
     timer = threading.Timer(0.3, lambda: os.kill(os.getpid(), signal.SIGINT))
@@ -180,7 +189,7 @@ def test_the_package_is_imported_without_numpy() -> None:
     assert subprocess.check_output([sys.executable, "-c", code], text=True) == "False\n"
 
 
-def test_other_threads_are_not_interrupted() -> None:
+def test_other_threads_are_not_interrupted(interrupts: None) -> None:
     """Signals are the main thread's: rays of another thread go on."""
     results: list[bool] = []
     pipeline = anyhit.Pipeline(miss=[anyhit.Module.from_source("sky.wgsl", MISS)])
