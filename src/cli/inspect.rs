@@ -20,6 +20,7 @@ use anyhit_engine::module::names::{
 };
 use anyhit_engine::module::validate::ValidationFinding;
 use anyhit_engine::program::{self, obstacles};
+use anyhit_engine::reflect::heap::{HeapUse, heap_uses};
 use anyhit_engine::reflect::lookup::{base_name, find, name_of, structs};
 use anyhit_engine::reflect::table::StructTable;
 use anyhit_engine::reflect::{Layout, Rules};
@@ -237,9 +238,27 @@ struct EntryReport {
     reasons: Vec<String>,
     errors: Vec<ErrorReport>,
     interface: Vec<VariableReport>,
+    /// The descriptors in heaps that it uses.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    heaps: Vec<HeapReport>,
     /// The rules that it breaks whatever its inputs are.
     #[serde(skip_serializing_if = "Findings::is_empty")]
     findings: Findings,
+}
+
+/// A descriptor in a heap.
+#[derive(Debug, Serialize)]
+struct HeapReport {
+    /// `ResourceHeapEXT` or `SamplerHeapEXT`.
+    heap: String,
+    /// The index of the descriptor; none where the shader computes it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    index: Option<u32>,
+    #[serde(rename = "type")]
+    ty: String,
+    /// What an access finds in a buffer.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    block: Option<String>,
 }
 
 #[derive(Debug, Serialize)]
@@ -364,6 +383,7 @@ impl EntryReport {
             reasons,
             errors,
             interface: variables.iter().map(|variable| VariableReport::of(module, variable)).collect(),
+            heaps: heap_uses(module, entry.function).iter().map(|one| HeapReport::of(module, one)).collect(),
             findings,
         }
     }
@@ -378,7 +398,8 @@ impl EntryReport {
         for reason in &self.reasons {
             let _ = writeln!(out, "  - {reason}");
         }
-        let rows: Vec<[String; 4]> = self.interface.iter().map(VariableReport::row).collect();
+        let mut rows: Vec<[String; 4]> = self.interface.iter().map(VariableReport::row).collect();
+        rows.extend(self.heaps.iter().map(HeapReport::row));
         let mut widths = [0; 4];
         for row in &rows {
             for (width, cell) in widths.iter_mut().zip(row) {
@@ -403,6 +424,23 @@ fn write_indented(out: &mut String, rendered: &str) {
     out.push('\n');
     for line in rendered.trim_end().lines() {
         let _ = writeln!(out, "  {}", line.trim_end());
+    }
+}
+
+impl HeapReport {
+    fn of(module: &Module, one: &HeapUse) -> Self {
+        Self {
+            heap: builtin_name(one.heap.builtin()).into_owned(),
+            index: one.index,
+            ty: module.describe_type(one.ty),
+            block: one.block.map(|block| module.describe_type(block)),
+        }
+    }
+
+    /// A line with heap, index, type and the type of a buffer's bytes.
+    fn row(&self) -> [String; 4] {
+        let index = self.index.map_or_else(|| "computed index".to_owned(), |index| format!("index {index}"));
+        [self.heap.clone(), index, self.ty.clone(), self.block.clone().unwrap_or_default()]
     }
 }
 

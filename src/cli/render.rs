@@ -388,6 +388,8 @@ fn why_not_in_bands(
         "the scene sets its texels individually"
     } else if scene.bindings_of_image(output).count() > 1 {
         "it has several bindings"
+    } else if output.kept_at().is_heap() {
+        "it lies in a descriptor heap"
     } else if output.element > 0 {
         "it is not the first of an array of images"
     } else {

@@ -8,7 +8,7 @@ use anyhit_base::count::grouped;
 use anyhit_base::escape;
 use anyhit_base::sorted::{sort, sort_by_key};
 use anyhit_engine::accel::{Blas, Tlas};
-use anyhit_engine::machine::{Binding, Descriptor};
+use anyhit_engine::machine::Descriptor;
 use anyhit_engine::pipeline::{BandedLaunch, Stats};
 use anyhit_engine::program::race_analysis::Memory;
 use anyhit_scene::image_entry::ImageContent;
@@ -131,7 +131,7 @@ pub(super) fn bands(bands: &BandedLaunch<'_>, image: &ImageContent) -> String {
 
 fn shared_memory_line(owner: &str, memory: Memory) -> String {
     let place = match memory {
-        Memory::Binding(Binding { set, binding }) => format!("set {set}, binding {binding}"),
+        Memory::Binding(binding) => binding.to_string(),
         Memory::Addresses => "memory behind device addresses".to_owned(),
         Memory::Unknown => "memory of a descriptor that is known only at run time".to_owned(),
     };

@@ -12,6 +12,7 @@ mod float_controls;
 mod float_encodings;
 mod formulas;
 mod half_vector_atomics;
+mod heaps;
 mod images;
 mod integers;
 mod limits;

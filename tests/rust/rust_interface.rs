@@ -482,3 +482,33 @@ fn results_are_written_as_json() {
     assert_eq!((&hit["hit"]["t"], &hit["stats"]["rays"]), (&3.5.into(), &1.into()));
     assert!(serde_json::to_value(traced(9.0)).unwrap()["hit"].is_null());
 }
+
+/// The scene of `shaders/pass/compute/structured-heap`, whose comments derive the values.
+#[test]
+fn heaps_and_their_data_are_bound_by_index() {
+    let module = Module::open("spirv-fixtures/pass/compute/structured-heap/main.comp.spv").unwrap();
+    let mut data = vec![0_u32; 116];
+    (data[64], data[97], data[113]) = (2, 3_f32.to_bits(), 5_f32.to_bits());
+    let picture = Image::plane(Format::new(Component::Uint32, 1), 4, 1).unwrap();
+    let test = ComputeTest::new(&module, "main")
+        .unwrap()
+        .push_constants(&[1024_u32, 1])
+        .heap_data(&data)
+        .heap_buffer(9, &[0_u32; 4])
+        .heap_buffer(13, &[10_u32, 20, 30, 40])
+        .heap_buffer(15, &[1_u32, 2, 3, 4])
+        .heap_buffer(32, &[0_u32; 4])
+        .heap(33, Descriptor::Image(picture));
+    let outcome = test.run().unwrap();
+    assert_eq!(outcome.read_heap_buffer::<u32>(32).unwrap(), [30, 10, 90, 20]);
+    assert_eq!(outcome.read_heap_buffer::<u32>(9).unwrap(), [1, 2, 1, 2]);
+    // What was given is not what was written.
+    assert_eq!(test.run().unwrap().read_heap_buffer::<u32>(32).unwrap(), [30, 10, 90, 20]);
+    let Descriptor::Image(written) = outcome.heap(33).unwrap() else { panic!("an image was given") };
+    assert_eq!(written.bytes(), [7_u32, 8, 9, 10].map(u32::to_le_bytes).concat());
+    assert!(outcome.heap(34).unwrap_err().render().contains("nothing is at index 34"));
+    assert!(outcome.read_heap_buffer::<u32>(33).unwrap_err().render().contains("no buffer is at index 33"));
+    let far = test.heap_buffer(1 << 20, &[0_u32]).run().unwrap_err();
+    assert_eq!(far.kind(), ErrorKind::InvalidArgument, "{}", far.render());
+    assert!(far.render().contains("at most 1048576 descriptors"), "{}", far.render());
+}

@@ -4,6 +4,7 @@ mod addresses;
 mod device;
 mod given_sizes;
 mod gltf_models;
+mod heaps;
 #[cfg(feature = "wgsl")]
 mod pass_bindings;
 mod passes;

@@ -4,6 +4,7 @@ use anyhit_engine::machine::Binding;
 use anyhit_engine::module::ty::{Type, TypeId};
 use anyhit_engine::ops::pointer::storage;
 use anyhit_engine::program::Program;
+use anyhit_engine::reflect::lookup::{DataBlock, find_block};
 use anyhit_engine::reflect::{Layout, Rules};
 use anyhit_scene::Assembled;
 use anyhit_scene::pass::Pass;
@@ -12,12 +13,16 @@ use anyhit_unit_test::value::Value;
 
 /// The content of a buffer, by where its descriptor is kept and the type of the first shader that
 /// uses it; `None` where no shader declares it.
-pub fn typed(assembled: &Assembled, kept: Binding, bytes: &[u8]) -> Option<Value> {
-    declared(assembled, kept).map(|layout| layout.read(bytes))
+pub fn typed(assembled: &Assembled, kept: Binding, element: u32, bytes: &[u8]) -> Option<Value> {
+    declared(assembled, kept, element).map(|layout| layout.read(bytes))
 }
 
 /// The layout of a buffer, as [`typed`] finds it.
-pub(super) fn declared(assembled: &Assembled, kept: Binding) -> Option<Layout<'_>> {
+pub(super) fn declared(assembled: &Assembled, kept: Binding, element: u32) -> Option<Layout<'_>> {
+    if kept.is_heap() {
+        let block = DataBlock::of_buffer(kept, element);
+        return programs(assembled).find_map(|program| find_block(&program.module, block).ok().flatten());
+    }
     assembled.readers_of(kept).into_iter().find_map(|(program, at)| {
         let of_binding = |one: &(u32, Option<Binding>, Option<TypeId>)| one.1 == Some(at);
         let (.., ty) = bound(program).into_iter().find(of_binding)?;

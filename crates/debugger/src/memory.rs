@@ -13,7 +13,7 @@ use anyhit_explain::layout::{member_at, of_binding};
 use anyhit_explain::transcript::{ChangeLocation, MemoryChange};
 use anyhit_scene::ResolvedScene;
 use anyhit_scene::pass::Pass;
-use anyhit_scene::resolved::RebindingSource;
+use anyhit_scene::resolved::{RebindingSource, ResolvedBinding};
 
 /// The number of changes that are listed; the others are counted.
 const MAX_CHANGES: usize = 256;
@@ -36,7 +36,7 @@ impl Snapshot {
     /// Copies what shaders may write, and the image at the binding of the output.
     pub(super) fn take(scene: &ResolvedScene, written: &WrittenMemory, resources: &Resources) -> Self {
         let output = output(scene);
-        let content = |at: Binding, descriptor: &Descriptor| match descriptor {
+        let content = |at: (Binding, usize), descriptor: &Descriptor| match descriptor {
             Descriptor::Buffer(buffer) if written.contains_buffer(buffer) => {
                 Some(ResourceContent::Words(words(buffer)))
             }
@@ -45,7 +45,7 @@ impl Snapshot {
             }
             _ => None,
         };
-        let contents = descriptors(resources).filter_map(|(at, one)| Some((at, content(at.0, one)?)));
+        let contents = descriptors(resources).filter_map(|(at, one)| Some((at, content(at, one)?)));
         let unbound = unbound(resources).filter(|(_, buffer)| written.contains_buffer(buffer));
         let unbound = unbound.map(|(name, buffer)| (name.to_string(), words(buffer)));
         Self { contents: contents.collect(), unbound: unbound.collect() }
@@ -78,7 +78,7 @@ impl Snapshot {
         for (at, descriptor) in descriptors(resources) {
             let changes = match (self.contents.get(&at), descriptor) {
                 (Some(ResourceContent::Image(before)), Descriptor::Image(after)) => {
-                    changed_texels(before, after, id.filter(|_| Some(at.0) == output && at.1 == 0))
+                    changed_texels(before, after, id.filter(|_| Some(at) == output))
                 }
                 (Some(ResourceContent::Words(before)), Descriptor::Buffer(after)) => {
                     let layout = seen(at).and_then(|at| of_binding(pipeline, at));
@@ -86,7 +86,8 @@ impl Snapshot {
                 }
                 _ => continue,
             };
-            let found = scene.resources.iter().find(|one| one.kept_at() == at.0);
+            let is_it = |one: &&ResolvedBinding| one.kept_at() == at.0 && one.element as usize == at.1;
+            let found = scene.resources.iter().find(is_it);
             let name = found.map_or_else(String::new, |one| one.name.clone());
             let place = found.map_or(at.0, |one| one.declared_at());
             let change = |change: Change| change.of(&name, Some(place), resources);
@@ -103,9 +104,9 @@ impl Snapshot {
     }
 }
 
-/// Binding of the output image.
-fn output(scene: &ResolvedScene) -> Option<Binding> {
-    scene.output().map(|output| Binding { set: output.set, binding: output.binding })
+/// Binding and array element of the output image.
+fn output(scene: &ResolvedScene) -> Option<(Binding, usize)> {
+    scene.output().map(|output| (output.kept_at(), output.element as usize))
 }
 
 struct Change {
@@ -120,8 +121,8 @@ impl Change {
         let Self { target, member, before, after } = self;
         MemoryChange {
             resource: resource.to_owned(),
-            set: place.map(|place| place.set),
-            binding: place.map(|place| place.binding),
+            set: place.filter(|place| !place.is_heap()).map(|place| place.set),
+            binding: place.filter(|place| !place.is_heap()).map(|place| place.binding),
             at: target,
             member,
             before: before.with_places(&resources.memory),

@@ -589,7 +589,8 @@ pub struct HitReport {
 pub struct MemoryChange {
     /// The scene's name of the resource.
     pub resource: String,
-    /// Descriptor set; `None` for a buffer that is reached by its device address alone.
+    /// Descriptor set; `None` for a buffer that is reached by its device address alone, and for
+    /// what lies in a descriptor heap.
     pub set: Option<u32>,
     /// The binding number in the set.
     pub binding: Option<u32>,

@@ -202,6 +202,10 @@ impl Sanitizer<'_> {
                 }
             }
             Op::Memory(op) => memory::check(self, batch, bindings, shadow, executed, op),
+            Op::HeapDescriptor(found) => {
+                self.depend(batch, shadow, op, found.index, Sink::Index);
+                shadow.define(found.to);
+            }
             Op::Image(operation) => {
                 image::check(self, batch, bindings, shadow, op, operation);
                 image_format::check_image(self, batch, bindings, shadow, place, operation);

@@ -59,7 +59,7 @@ fn rule_of(trap: &Trap) -> &'static Rule {
         C::AddressInvalid | C::AddressOutOfBounds => &stop::ADDRESS_RANGE,
         C::AddressMisaligned => &stop::ADDRESS_ALIGNED,
         C::AtomicMisaligned => &stop::ATOMIC_ALIGNED,
-        C::DescriptorMissing => &stop::DESCRIPTOR_MISSING,
+        C::DescriptorMissing | C::DescriptorMisaligned => &stop::DESCRIPTOR_MISSING,
         C::ImageOutOfBounds | C::ImageRowAbsent => &stop::IMAGE_PART,
         C::ImageMismatch => &stop::IMAGE_VIEW_MATCH,
         C::SamplerMismatch => &image::SAMPLER_MATCH,

@@ -540,7 +540,10 @@ fn resources(
     let mut views: Vec<(&resolved::ResolvedBinding, &BufferView)> = Vec::new();
     for binding in &scene.resources {
         let key = Binding { set: binding.set, binding: binding.binding };
-        resources.names.entry(key).or_insert_with(|| binding.name.as_str().into());
+        // What lies in a heap has many names.
+        if !key.is_heap() {
+            resources.names.entry(key).or_insert_with(|| binding.name.as_str().into());
+        }
     }
     for binding in scene.resources.iter().filter(|one| !is_excluded(one)) {
         let descriptor = match &binding.resource {

@@ -34,12 +34,7 @@ pub(super) fn notes<'a>(
             let found: Vec<Binding> = of_passes(program).into_iter().map(kept).collect();
             for bound in scene.resources.iter().filter(|one| found.contains(&one.kept_at())) {
                 let Ok(Some(given)) = bound.resource.buffer_size() else { continue };
-                let Binding { set, binding } = binding;
-                let what = format!(
-                    "{}the buffer `{}` (set {set}, binding {binding})",
-                    line_of(&bound.place),
-                    bound.name
-                );
+                let what = format!("{}the buffer `{}` ({binding})", line_of(&bound.place), bound.name);
                 add(&mut notes, &what, given, declared, program);
             }
         }

@@ -27,6 +27,10 @@ pub enum DescriptorKind {
     CombinedImageSampler,
     /// A TLAS.
     AccelerationStructure,
+    /// No descriptor: the data between the descriptors of the resource heap.
+    HeapData,
+    /// No descriptor: a bank of push constants beside the first one.
+    PushConstantBank,
     /// No descriptor: a buffer that shaders reach by its address alone.
     Unbound,
 }
@@ -72,6 +76,8 @@ impl Named for DescriptorKind {
         ("sampler", Self::Sampler),
         ("combined_image_sampler", Self::CombinedImageSampler),
         ("acceleration_structure", Self::AccelerationStructure),
+        ("heap_data", Self::HeapData),
+        ("push_constant_bank", Self::PushConstantBank),
         ("buffer", Self::Unbound),
     ];
 }

@@ -49,12 +49,11 @@ pub(super) fn mismatches<'a>(
 
 /// The error for a resource of a type that a program does not declare at a binding.
 pub(super) fn mismatch(program: &Program, at: Binding, bound: &ResolvedBinding) -> Error {
-    let Binding { set, binding } = at;
     let declared = declared(&program.module, at);
     let types: Vec<_> = declared.iter().map(|ty| format!("`{}`", ty.name())).collect();
     let slot = program.slots.iter().find(|slot| slot.binding == at);
     let message = format!(
-        "{} `{}` declares `{}` (set {set}, binding {binding}) as {}",
+        "{} `{}` declares `{}` ({at}) as {}",
         program.stage.name(),
         program.name,
         slot.map_or("", |slot| slot.name.as_str()),
@@ -106,12 +105,11 @@ pub(super) fn stride_notes<'a>(
                     start => format!("{start} bytes before the array, "),
                 };
                 let note = format!(
-                    "{}the buffer `{}` (set {}, binding {}) has {} bytes: {header}{whole} \
+                    "{}the buffer `{}` ({}) has {} bytes: {header}{whole} \
                      element{plural} of {stride} and {odd} left over, which no index into `{}` reaches",
                     line_of(&bound.place),
                     bound.name,
-                    bound.declared_at[0],
-                    bound.declared_at[1],
+                    bound.declared_at(),
                     size,
                     slot.name,
                 );

@@ -128,8 +128,7 @@ fn unseen(
     let unseen = candidates.iter().filter(|one| !is_found(one) && !is_named(one));
     let error = |one: &Candidate<'_>| {
         let other = candidates.iter().find(|other| other.kept != one.kept).map(|other| other.elements[0]);
-        let Binding { set, binding } = at;
-        let message = format!("two resources at set {set}, binding {binding}");
+        let message = format!("two resources at {at}");
         let error = Error::new(ErrorKind::InvalidScene, message);
         let error = error.at_with(one.elements[0].place.clone(), "no pass uses this one");
         let error = match other {
@@ -176,8 +175,7 @@ fn found_by(
         ([], _) => Err(mismatch(reader, at, pool[0].elements[0])),
         _ => {
             let names = list_of(fitting.iter().map(|one| one.elements[0].name.as_str()));
-            let Binding { set, binding } = at;
-            let message = format!("{names} are all bound at set {set}, binding {binding} of pass {label}");
+            let message = format!("{names} are all bound at {at} of pass {label}");
             let [first, second] = [fitting[0], fitting[1]].map(|one| one.elements[0].place.clone());
             Err(Error::new(ErrorKind::InvalidScene, message)
                 .at(second)

@@ -15,8 +15,10 @@ use crate::struct_data::ShaderModules;
 use crate::view_entry::ViewEntry;
 use anyhit_base::error::{Error, ErrorKind, Result};
 use anyhit_base::input::InputLimit;
+use anyhit_engine::machine::Binding;
 use anyhit_engine::machine::resource::ELEMENT_BITS;
 use anyhit_engine::machine::sampler::Sampler;
+use anyhit_engine::module::heap::DESCRIPTOR_BYTES;
 use anyhit_engine::reflect::lookup::DataBlock;
 
 /// The content of one descriptor. Images with one content, in the sense of [`Arc::ptr_eq`], are one
@@ -175,7 +177,7 @@ impl Parse for ResourceEntry {
         };
         let kind = DescriptorKind::parse(kind)?;
         let unbound = kind == DescriptorKind::Unbound;
-        for key in ["set", "binding", "element", "elements", "passes", "pipelines"]
+        for key in ["set", "binding", "element", "elements", "heap", "heap_offset", "passes", "pipelines"]
             .into_iter()
             .filter(|key| unbound && table.has(key))
         {
@@ -187,9 +189,14 @@ impl Parse for ResourceEntry {
                 ))
             });
         }
-        let (set, binding, element) = match unbound {
-            true => (0, Some(0), 0),
-            false => (table.or("set", 0), table.required("binding"), element(&table)),
+        let place = match kind {
+            DescriptorKind::PushConstantBank => bank_place(&table),
+            _ => heap_place(&table, kind),
+        };
+        let (set, binding, element) = match (unbound, place) {
+            (true, _) => (0, Some(0), 0),
+            (false, Some((heap, index))) => (heap.set, Some(heap.binding), index),
+            (false, None) => (table.or("set", 0), table.required("binding"), element(&table)),
         };
         let (passes, pipelines) = match unbound {
             true => (None, None),
@@ -284,6 +291,8 @@ impl Content {
             | DescriptorKind::UniformBuffer
             | DescriptorKind::StorageBufferDynamic
             | DescriptorKind::UniformBufferDynamic
+            | DescriptorKind::HeapData
+            | DescriptorKind::PushConstantBank
             | DescriptorKind::Unbound => BufferEntry::parse(table).map(|entry| Self::Buffer(kind, entry)),
             DescriptorKind::StorageImage
             | DescriptorKind::SampledImage
@@ -301,6 +310,72 @@ impl Content {
             }
         }
     }
+}
+
+/// Reads the number of a bank of push constants.
+fn bank_place(table: &Table<'_>) -> Option<(Binding, u32)> {
+    for key in ["set", "binding", "element", "elements", "heap", "heap_offset"] {
+        if let Some(found) = table.refused(key) {
+            found.wrong::<()>(format!("a bank of push constants has no `{key}`: `bank` is its number"));
+        }
+    }
+    let Spanned { value: bank, span } = table.required::<Spanned<u32>>("bank")?;
+    if bank == 0 {
+        let message = "bank 0 is given by `push_constants`: a `push_constant_bank` has a number from 1 on";
+        table.report().push(span.error(message));
+    }
+    Some((Binding::push_constant_bank(bank), 0))
+}
+
+/// Reads the place of a resource in a descriptor heap: the heap, and the index of its descriptor.
+/// `None` where the resource is in none.
+fn heap_place(table: &Table<'_>, kind: DescriptorKind) -> Option<(Binding, u32)> {
+    if kind == DescriptorKind::HeapData {
+        for key in ["set", "binding", "element", "elements", "heap", "heap_offset", "passes", "pipelines"] {
+            if let Some(found) = table.refused(key) {
+                found.wrong::<()>(format!("the data of a heap has no `{key}`: it begins with the heap"));
+            }
+        }
+        return Some((Binding::RESOURCE_HEAP.heap_data(), 0));
+    }
+    let keys: Vec<&str> = ["heap", "heap_offset"].into_iter().filter(|key| table.has(key)).collect();
+    let first = *keys.first()?;
+    let heap = match kind {
+        DescriptorKind::Sampler => Binding::SAMPLER_HEAP,
+        _ => Binding::RESOURCE_HEAP,
+    };
+    let given = table.optional::<Spanned<u32>>(first).unwrap_or(Spanned { value: 0, span: table.span() });
+    let refuse = |message: String| table.report().push(given.span.error(message));
+    if keys.len() > 1 {
+        table.refused("heap_offset");
+        refuse("a descriptor has one place in a heap: `heap`, an index, or `heap_offset` in bytes".into());
+    }
+    for key in ["set", "binding", "element", "passes", "pipelines"] {
+        if table.has(key) {
+            table.refused(key);
+            refuse(format!("a descriptor in a heap has no `{key}`: all passes use the same heaps"));
+        }
+    }
+    if kind == DescriptorKind::CombinedImageSampler || kind.is_dynamic() {
+        refuse(
+            "a heap has no descriptors of this type: use a `sampled_image` and a `sampler`, or a \
+                `storage_buffer` or `uniform_buffer`"
+                .into(),
+        );
+    }
+    let index = match first {
+        "heap" => given.value,
+        _ if given.value.is_multiple_of(DESCRIPTOR_BYTES) => given.value / DESCRIPTOR_BYTES,
+        _ => {
+            refuse(format!("an offset in a heap must be a multiple of {DESCRIPTOR_BYTES} bytes"));
+            0
+        }
+    };
+    if index >> ELEMENT_BITS != 0 {
+        refuse(format!("a heap must have at most {} descriptors", 1 << ELEMENT_BITS));
+        return Some((heap, 0));
+    }
+    Some((heap, index))
 }
 
 /// Reads the index of an element in an array of descriptors, which is limited by what shaders can

@@ -107,6 +107,26 @@ impl Bound {
             .ok_or_else(|| invalid(format!("nothing is bound at set {set}, binding {binding}")))
     }
 
+    /// A descriptor of the resource heap.
+    ///
+    /// # Errors
+    /// `InvalidArgument` where the heap has none at the index.
+    pub fn heap(&self, index: u32) -> Result<Descriptor> {
+        let heap = self.resources.descriptors.get(&Binding::RESOURCE_HEAP);
+        let found = heap.and_then(|elements| elements.get(index as usize));
+        found
+            .filter(|found| !matches!(found, Descriptor::Unbound))
+            .cloned()
+            .ok_or_else(|| invalid(format!("nothing is at index {index} of the resource heap")))
+    }
+
+    pub(super) fn read_heap_buffer<T: AnyBitPattern>(&self, index: u32) -> Result<Vec<T>> {
+        match self.heap(index)? {
+            Descriptor::Buffer(buffer) => rows(&buffer.bytes()),
+            _ => Err(invalid(format!("no buffer is at index {index} of the resource heap"))),
+        }
+    }
+
     /// The buffer with a name, which is bound nowhere.
     pub fn named_descriptor(&self, name: &str) -> Result<Descriptor> {
         let found = self.resources.memory.named_buffer(name);
@@ -177,6 +197,23 @@ macro_rules! reads_what_is_bound {
             /// `InvalidArgument` where nothing is bound there.
             pub fn descriptor(&self, set: u32, binding: u32) -> Result<anyhit_engine::machine::Descriptor> {
                 self.bound.descriptor(set, binding)
+            }
+
+            /// A descriptor of the resource heap, with what shaders wrote.
+            ///
+            /// # Errors
+            /// `InvalidArgument` where the heap has none at the index.
+            pub fn heap(&self, index: u32) -> Result<anyhit_engine::machine::Descriptor> {
+                self.bound.heap(index)
+            }
+
+            /// A buffer of the resource heap as elements of a Rust type.
+            ///
+            /// # Errors
+            /// `InvalidArgument` where the heap has no buffer at the index, or its size is no
+            /// multiple of an element.
+            pub fn read_heap_buffer<T: bytemuck::AnyBitPattern>(&self, index: u32) -> Result<Vec<T>> {
+                self.bound.read_heap_buffer(index)
             }
         }
     };

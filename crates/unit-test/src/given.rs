@@ -12,6 +12,7 @@ use crate::fit::check_block;
 use crate::image_views;
 use crate::rust_layout::RustLayout;
 use anyhit_base::error::{Error, ErrorKind, Result};
+use anyhit_engine::machine::resource::ELEMENT_BITS;
 use anyhit_engine::machine::{Binding, Buffer, Descriptor, Resources};
 use anyhit_engine::ops::pointer::storage;
 use anyhit_engine::program::Program;
@@ -69,6 +70,21 @@ impl Given {
         self.compared = Arc::default();
         self.buffers.retain(|(known, _)| *known != place);
         self.resources.insert(place, 0, descriptor);
+    }
+
+    pub(super) fn heap(&mut self, index: u32, descriptor: Descriptor) {
+        if index >> ELEMENT_BITS != 0 {
+            return self.mistaken(format!(
+                "a heap has at most {} descriptors, and none at index {index}",
+                1 << ELEMENT_BITS
+            ));
+        }
+        self.compared = Arc::default();
+        let heap = match descriptor {
+            Descriptor::Sampler(_) => Binding::SAMPLER_HEAP,
+            _ => Binding::RESOURCE_HEAP,
+        };
+        self.resources.insert(heap, index, descriptor);
     }
 
     pub(super) fn push_constants(&mut self, given: HostBytes) {
@@ -175,6 +191,29 @@ macro_rules! gives_resources {
                 self
             }
 
+            /// Puts a descriptor into the heap of its kind (`SPV_EXT_descriptor_heap`): a sampler
+            /// into that of the samplers, any other into that of the resources. The index counts
+            /// descriptors of 32 bytes; one of 2^20 or more is an error of the run.
+            #[must_use]
+            pub fn heap(mut self, index: u32, descriptor: anyhit_engine::machine::Descriptor) -> Self {
+                self.given.heap(index, descriptor);
+                self
+            }
+
+            /// Puts data between the descriptors of the resource heap, from its first byte on.
+            #[must_use]
+            pub fn heap_data<T: bytemuck::NoUninit>(self, elements: &[T]) -> Self {
+                let at = anyhit_engine::machine::Binding::RESOURCE_HEAP.heap_data();
+                self.buffer(at.set, at.binding, elements)
+            }
+
+            /// Puts a storage or uniform buffer with these elements into the resource heap.
+            #[must_use]
+            pub fn heap_buffer<T: bytemuck::NoUninit>(self, index: u32, elements: &[T]) -> Self {
+                let buffer = anyhit_engine::machine::Buffer::new(bytemuck::cast_slice(elements));
+                self.heap(index, anyhit_engine::machine::Descriptor::Buffer(buffer))
+            }
+
             /// Binds a storage or sampled image. A format that contradicts what the shaders declare
             /// is an error of the run, with both.
             #[must_use]
@@ -222,6 +261,14 @@ macro_rules! gives_resources {
             pub fn push_constants<T: bytemuck::NoUninit + std::fmt::Debug>(mut self, constants: &T) -> Self {
                 self.given.push_constants(crate::data::HostBytes::of(constants));
                 self
+            }
+
+            /// Sets the bytes of a bank of push constants beside the first one
+            /// (`SPV_NV_push_constant_bank`), from the first byte of the bank on.
+            #[must_use]
+            pub fn push_constant_bank(self, bank: u32, bytes: &[u8]) -> Self {
+                let at = anyhit_engine::machine::Binding::push_constant_bank(bank);
+                self.buffer_bytes(at.set, at.binding, bytes)
             }
 
             /// Sets the push constants to these bytes, little-endian, whatever types the shaders

@@ -180,10 +180,7 @@ pub(super) fn descriptor(
             FoundResource::Image(image.clone())
         }
         _ => {
-            let Binding { set, binding } = binding;
-            return Err(invalid(format!(
-                "`{what}`: neither a buffer nor an image is bound at set {set}, binding {binding}"
-            )));
+            return Err(invalid(format!("`{what}`: neither a buffer nor an image is bound at {binding}")));
         }
     };
     Ok((binding, element, found))
@@ -214,18 +211,18 @@ impl FoundDump {
             FoundResource::Image(_) => None,
         };
         let typed = |bytes: &[u8]| {
-            let declared = self.binding.and_then(|binding| typed(assembled, binding, bytes));
+            let declared = self.binding.and_then(|binding| typed(assembled, binding, self.element, bytes));
             declared.or_else(|| {
                 let programs: Vec<_> = programs(assembled).collect();
                 pointed(&programs, &assembled.resources, &roots(assembled), address?)
             })
         };
         let title = match self.declared_at {
-            Some(Binding { set, binding }) => {
+            Some(at) => {
                 let name = if self.name.is_empty() { String::new() } else { format!(" `{}`", self.name) };
                 let element =
                     if self.element > 0 { format!(", element {}", self.element) } else { String::new() };
-                format!("set {set}, binding {binding}{element}{name}")
+                format!("{at}{element}{name}")
             }
             None => format!("`{}` at {:#x}", self.name, address.unwrap_or(0)),
         };
@@ -246,12 +243,13 @@ impl FoundDump {
                 None => typed(&bytes).map_or_else(|| json!(bytes), |value| json_of(&value)),
             };
             let mut json = match self.declared_at {
+                Some(at) if at.is_heap() => json!({ "heap": self.element }),
                 Some(Binding { set, binding }) => json!({ "set": set, "binding": binding }),
                 None => json!({ "address": address }),
             };
             json["name"] = json!(self.name);
             json["value"] = value;
-            if self.element > 0 {
+            if self.element > 0 && !self.declared_at.is_some_and(Binding::is_heap) {
                 json["element"] = json!(self.element);
             }
             let text =

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use anyhit_base::error::ErrorKind;
-use anyhit_engine::machine::{Buffer, Descriptor, Resources};
+use anyhit_engine::machine::{Binding, Buffer, Descriptor, Resources};
 
 use crate::execution::instructions::run::{INVOCATIONS, Shader};
 
@@ -323,4 +323,53 @@ fn an_address_that_leads_nowhere_is_told_by_its_distance_from_the_nearest_buffer
             assert_eq!(error.notes()[0], expected, "{}", error.render());
         }
     }
+}
+
+/// A block begins at its offset in its bank, and each bank has bytes of its own.
+#[test]
+fn push_constants_lie_in_banks() {
+    let shader = Shader {
+        capabilities: "
+            OpCapability PushConstantBanksNV
+            OpExtension \"SPV_NV_push_constant_bank\"",
+        annotations: "
+            OpDecorate %constants Block
+            OpMemberDecorate %constants 0 Offset 0
+            OpMemberDecorate %constants 1 Offset 4
+            OpDecorate %first MemberOffsetNV 4
+            OpDecorate %third BankNV 3
+            OpDecorate %third MemberOffsetNV 8
+            OpDecorate %fifth BankNV 5",
+        declarations: "
+            %constants = OpTypeStruct %uint %uint
+            %ptr_constants = OpTypePointer PushConstant %constants
+            %ptr_PushConstant_uint = OpTypePointer PushConstant %uint
+            %first = OpVariable %ptr_constants PushConstant
+            %third = OpVariable %ptr_constants PushConstant
+            %fifth = OpVariable %ptr_constants PushConstant",
+        body: "
+            %first_1 = OpAccessChain %ptr_PushConstant_uint %first %u1
+            %w12 = OpLoad %uint %first_1
+            out 0 %w12
+            %third_0 = OpAccessChain %ptr_PushConstant_uint %third %u0
+            %w32 = OpLoad %uint %third_0
+            out 1 %w32
+            %fifth_1 = OpAccessChain %ptr_PushConstant_uint %fifth %u1
+            %w51 = OpLoad %uint %fifth_1
+            out 2 %w51",
+        invocations: Some(1),
+        ..Shader::default()
+    };
+    let words = |words: [u32; 4]| Buffer::new(&words.map(u32::to_le_bytes).concat());
+    let mut resources = || {
+        let mut all = Resources { push_constants: Some(words([10, 11, 12, 13])), ..Resources::default() };
+        all.insert(Binding::push_constant_bank(3), 0, Descriptor::Buffer(words([30, 31, 32, 33])));
+        all.insert(Binding::push_constant_bank(5), 0, Descriptor::Buffer(words([50, 51, 52, 53])));
+        all
+    };
+    let found = shader.run_with(&mut resources).unwrap_or_else(|error| panic!("{}", error.render()));
+    assert_eq!(found[0][..3], [12, 32, 51]);
+    let mut unset = || Resources { push_constants: Some(words([0; 4])), ..Resources::default() };
+    let error = shader.run_with(&mut unset).expect_err("no bank is set").render();
+    assert!(error.contains("bank 3 of the push constants"), "{error}");
 }

@@ -199,6 +199,13 @@ pub enum TrapOperands {
         /// The descriptor; `None` for a null descriptor.
         descriptor: Option<DescriptorElement>,
     },
+    /// An offset in a descriptor heap where no descriptor lies.
+    HeapOffset {
+        /// `the resource heap` or `the sampler heap`.
+        heap: String,
+        /// Bytes from the beginning of the heap.
+        offset: u64,
+    },
     /// A record of a shader binding table.
     Record {
         /// The key of the table in scenes: `hit`, `miss` or `callable`.
@@ -261,9 +268,9 @@ pub struct IndexOperand {
 pub struct DescriptorElement {
     /// The name of the variable in the shader, empty where it has none.
     pub name: String,
-    /// The descriptor set.
+    /// The descriptor set; 4,294,967,294 for a heap (`SPV_EXT_descriptor_heap`).
     pub set: u32,
-    /// The binding.
+    /// The binding; of a heap 0 for that of the resources, 1 for that of the samplers.
     pub binding: u32,
     /// The element of an array of descriptors, 0 for a single one.
     pub element: u32,

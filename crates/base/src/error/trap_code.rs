@@ -88,6 +88,9 @@ trap_codes! {
     /// No descriptor is bound, or one of another kind.
     DescriptorMissing = "descriptor_missing",
         "no descriptor of this kind is bound here";
+    /// A descriptor's offset in its heap is no multiple of a descriptor's alignment.
+    DescriptorMisaligned = "descriptor_misaligned",
+        "a descriptor's offset in its heap is not a multiple of 32 bytes";
     /// A texel coordinate is outside its image.
     ImageOutOfBounds = "image_out_of_bounds",
         "a texel coordinate is outside its image";

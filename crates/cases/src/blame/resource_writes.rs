@@ -314,8 +314,8 @@ impl<'a> Search<'a> {
         let inside = |id: [u32; 3]| id.iter().zip(size).all(|(&at, side)| at < side).then_some(id);
         match *self.subject {
             Subject::Texel(_, [x, y]) => inside([x, y, 0]),
-            Subject::Buffer([set, binding, _], byte) => {
-                let block = DataBlock::Buffer(Binding { set, binding });
+            Subject::Buffer([set, binding, element], byte) => {
+                let block = DataBlock::of_buffer(Binding { set, binding }, element);
                 let mut programs = self.programs(pass);
                 let layout = programs.find_map(|program| {
                     find_block(&program.module, block)

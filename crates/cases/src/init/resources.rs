@@ -5,11 +5,15 @@ use std::fmt::Write;
 use crate::init::Shader;
 use crate::init::pointees::{Block, Pointees, plain};
 use anyhit_base::sorted::SortedMap;
+use anyhit_engine::machine::Binding;
 use anyhit_engine::module::Module;
 use anyhit_engine::module::interface::{InterfaceVariable, Stage};
+use anyhit_engine::module::push_constant_bank::BANK_SET;
 use anyhit_engine::module::ty::{ImageType, Type, TypeId};
+use anyhit_engine::ops::heap::binding;
 use anyhit_engine::ops::image::declared::declared_format;
 use anyhit_engine::ops::pointer::storage;
+use anyhit_engine::reflect::heap::{HeapUse, heap_uses};
 use anyhit_engine::reflect::{Layout, Rules};
 use anyhit_scene::image::format_name;
 
@@ -86,6 +90,7 @@ impl Resources {
         for (at, shader) in shaders.iter().filter(is_compute).enumerate() {
             all.add(shader, Some(at + usize::from(launches)));
         }
+        all.fill_heaps(shaders);
         all.tell_apart();
         all.follow_pointers();
         all
@@ -113,6 +118,61 @@ impl Resources {
                 _ => {}
             }
         }
+    }
+
+    /// Adds the descriptors in heaps that shaders use: those of computed indices where others leave
+    /// room.
+    fn fill_heaps(&mut self, shaders: &[Shader]) {
+        for is_computed in [false, true] {
+            for shader in shaders {
+                let uses = heap_uses(&shader.module, shader.entry.function).into_iter();
+                for one in uses.filter(|one| one.index.is_none() == is_computed) {
+                    let name = shader.reference.split(':').next().unwrap_or_default().to_owned();
+                    let ty = one.block.unwrap_or(one.ty);
+                    self.place_in_heap(Block { module: shader.module.clone(), shader: name, ty }, one);
+                }
+            }
+        }
+    }
+
+    /// Adds a descriptor of a heap; one whose index is computed lies at the next free one.
+    fn place_in_heap(&mut self, block: Block, one: HeapUse) {
+        let class = match *block.module.ty(one.ty) {
+            Type::Buffer { storage_class } => storage_class,
+            _ => storage::UNIFORM_CONSTANT,
+        };
+        let heap = binding(one.heap);
+        if one.is_data(&block.module) && heap == Binding::RESOURCE_HEAP {
+            let data = heap.heap_data();
+            let here = self.bound.entry((data.set, data.binding)).or_default();
+            if here.is_empty() {
+                let content = vec!["type = \"heap_data\"".to_owned(), "size = 65536".to_owned()];
+                let (name, lines, passes) = ("heap_data".to_owned(), content.clone(), Vec::new());
+                here.push(BoundResource { name, content, lines, block: None, passes });
+            }
+            return;
+        }
+        let Some(mut content) = content(&block.module, block.ty, class, self.elements) else { return };
+        let here = self.bound.entry((heap.set, heap.binding)).or_default();
+        let at = |index: u32| format!("heap = {index}");
+        let is_taken = |index: u32| here.iter().any(|known| known.lines.contains(&at(index)));
+        let index = match one.index {
+            Some(index) => index,
+            None => {
+                content.insert(0, "# The shader computes the index.".to_owned());
+                (0..=u32::MAX).find(|&index| !is_taken(index)).unwrap_or(0)
+            }
+        };
+        // Two types at one index are a choice that the shader makes when it runs.
+        if is_taken(index) || here.iter().any(|known| known.content == content) {
+            return;
+        }
+        let mut lines = content.clone();
+        lines.push(at(index));
+        let kind = type_of(&content).and_then(|line| line.split('"').nth(1)).unwrap_or("descriptor");
+        let is_struct = matches!(block.module.ty(block.ty), Type::Struct { .. });
+        let (name, block) = (format!("heap_{kind}_{index}"), is_struct.then_some(block));
+        here.push(BoundResource { name, content, lines, block, passes: Vec::new() });
     }
 
     fn bind(&mut self, block: Block, variable: &InterfaceVariable, pass: Option<usize>) {
@@ -143,10 +203,14 @@ impl Resources {
             return;
         }
         let mut lines = content.clone();
-        if set > 0 {
-            lines.push(format!("set = {set}"));
+        match set {
+            BANK_SET => {
+                lines.retain(|line| line != UNIFORM);
+                lines.extend(["type = \"push_constant_bank\"".to_owned(), format!("bank = {binding}")]);
+            }
+            0 => lines.push(format!("binding = {binding}")),
+            _ => lines.extend([format!("set = {set}"), format!("binding = {binding}")]),
         }
-        lines.push(format!("binding = {binding}"));
         let mut name = plain(&variable.name);
         let is_taken = |name: &str| self.bound.values().flatten().any(|known| known.name == name);
         if name.is_empty() || is_taken(&name) {
@@ -167,7 +231,8 @@ impl Resources {
         for here in self.bound.values_mut() {
             let kinds: Vec<_> = here.iter().map(|one| type_of(&one.content).map(str::to_owned)).collect();
             for (at, one) in here.iter_mut().enumerate() {
-                if kinds[..at].contains(&kinds[at]) {
+                // All passes have the same heaps.
+                if !one.passes.is_empty() && kinds[..at].contains(&kinds[at]) {
                     one.lines.push(format!("passes = {:?}", one.passes));
                 }
             }
@@ -293,6 +358,10 @@ fn content(module: &Module, ty: TypeId, class: u32, elements: usize) -> Option<V
         }
         Type::AccelerationStructure => line("type = \"acceleration_structure\""),
         Type::Sampler => line("type = \"sampler\""),
+        Type::Buffer { storage_class } => {
+            let kind = if *storage_class == storage::UNIFORM { UNIFORM } else { STORAGE };
+            Some(vec![kind.to_owned(), format!("size = {}", 4 * ELEMENTS)])
+        }
         Type::Image(image) => Some(self::image(module, image, false)),
         Type::SampledImage(image) => match module.ty(*image) {
             Type::Image(image) => Some(self::image(module, image, true)),

@@ -230,8 +230,11 @@ impl UsedMemory<'_> {
         })
     }
 
-    /// Whether there are arrays of descriptors without a length.
+    /// Whether there are arrays of descriptors without a length, or heaps.
     fn has_runtime_descriptors(&self) -> bool {
+        if self.variables.iter().any(|one| one.ty.is_none() && one.builtin.is_some()) {
+            return true;
+        }
         let arrays = self.variables.iter().filter(|variable| variable.binding.is_some());
         let mut types = arrays.filter_map(|variable| variable.ty);
         types.any(|ty| matches!(self.module.ty(ty), Type::RuntimeArray { .. }))

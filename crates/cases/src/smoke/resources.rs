@@ -9,11 +9,13 @@ use anyhit_base::error::{Error, Result};
 use anyhit_base::sorted::{SortedMap, sort_by_key};
 use anyhit_engine::accel::Tlas;
 use anyhit_engine::machine::format::Class;
+use anyhit_engine::machine::resource::ELEMENT_BITS;
 use anyhit_engine::machine::sampler::{CompareOp, Filter, Sampler};
 use anyhit_engine::machine::{Binding, Buffer, Descriptor, Resources};
 use anyhit_engine::module::Module;
 use anyhit_engine::module::interface::InterfaceVariable;
 use anyhit_engine::module::ty::{Type, TypeId};
+use anyhit_engine::ops::heap::binding;
 use anyhit_engine::ops::pointer::storage;
 use anyhit_engine::ops::translate::InterfaceRegisters;
 use anyhit_engine::ops::translate::array_length;
@@ -21,6 +23,10 @@ use anyhit_engine::program::Program;
 
 /// Descriptors of a runtime array.
 const DESCRIPTORS: u32 = 16;
+/// The bytes of a buffer to which no access gives a type.
+const UNTYPED_BYTES: usize = 4096;
+/// The bytes of the data in a heap.
+const HEAP_DATA_BYTES: usize = 1 << 16;
 /// Descriptors of an array that differ; the rest repeat them.
 const DISTINCT: u32 = 4;
 
@@ -63,28 +69,40 @@ pub(super) fn given(
     // The order in which a module declares them changes nothing.
     let mut variables: Vec<_> = variables.iter().collect();
     sort_by_key(&mut variables, |variable| root(variable));
+    let mut wanted: Vec<Wanted> = Vec::new();
     for variable in variables {
         let (Some(ty), root) = (variable.ty, root(variable)) else { continue };
         match variable.storage_class {
             storage::PUSH_CONSTANT => {
-                resources.push_constants = Some(filler.block(ty, root).map_err(named(variable))?.buffer());
+                resources.push_constants =
+                    Some(filler.block(ty, root).map_err(named(&name_of(variable)))?.buffer());
             }
             storage::SHADER_RECORD_BUFFER => {
-                record = filler.block(ty, root).map_err(named(variable))?.whole();
+                record = filler.block(ty, root).map_err(named(&name_of(variable)))?.whole();
             }
             _ => {}
         }
         let Some((set, binding)) = variable.descriptor_set.zip(variable.binding) else { continue };
-        let place = Binding { set, binding };
         let (element, count) = descriptor_array(module, ty, extent.scale.descriptors);
+        wanted.push(Wanted {
+            place: Binding { set, binding },
+            element,
+            count,
+            root,
+            name: name_of(variable),
+        });
+    }
+    wanted.extend(wanted_in_heaps(program, extent.scale.descriptors));
+    for Wanted { place, element, count, root, name } in wanted {
+        let named = named(&name);
         let list = u64::from(count) * size_of::<Descriptor>() as u64;
-        filler.made.add(module, list).map_err(named(variable))?;
+        filler.made.add(module, list).map_err(&named)?;
         let mut distinct = Vec::new();
         for at in 0..count.min(DISTINCT) {
             let root = root.wrapping_add(u64::from(at) << 32);
             let descriptor = match module.ty(element) {
                 Type::Struct { .. } => {
-                    Descriptor::Buffer(filler.block(element, root).map_err(named(variable))?.buffer())
+                    Descriptor::Buffer(filler.block(element, root).map_err(&named)?.buffer())
                 }
                 Type::AccelerationStructure => {
                     let tlas = structure.get_or_insert(tlas()?).clone();
@@ -93,7 +111,7 @@ pub(super) fn given(
                 Type::Sampler => Descriptor::Sampler(Arc::new(sampler(false))),
                 Type::Image(image) => {
                     let texels = images.of(module, image, values, root, &mut filler.made);
-                    match texels.map_err(named(variable))? {
+                    match texels.map_err(&named)? {
                         Some(image) => Descriptor::Image(image),
                         None => continue,
                     }
@@ -101,10 +119,12 @@ pub(super) fn given(
                 Type::SampledImage(image) => {
                     let Type::Image(image) = module.ty(*image) else { continue };
                     let texels = images.of(module, image, values, root, &mut filler.made);
-                    let Some(texels) = texels.map_err(named(variable))? else { continue };
+                    let Some(texels) = texels.map_err(&named)? else { continue };
                     let linear = texels.format().class() == Class::Float && !image.multisampled;
                     Descriptor::ImageSampler(texels, Arc::new(sampler(linear)))
                 }
+                // The bytes of a buffer in a heap to which no access gives a type.
+                Type::Buffer { .. } => Descriptor::Buffer(Buffer::zeroed(UNTYPED_BYTES)),
                 _ => continue,
             };
             distinct.push(descriptor);
@@ -112,6 +132,11 @@ pub(super) fn given(
         if !distinct.is_empty() {
             bindings.entry(place).or_default().push(DescriptorArray { distinct, count: count as usize });
         }
+    }
+    for heap in program.heap_uses().into_iter().filter(|one| one.is_data(module)).map(|one| one.heap) {
+        let data = Descriptor::Buffer(Buffer::zeroed(HEAP_DATA_BYTES));
+        let array = DescriptorArray { distinct: vec![data], count: 1 };
+        bindings.insert(binding(heap).heap_data(), vec![array]);
     }
     resources.descriptors = bindings.into_iter().map(|(place, arrays)| (place, merged(arrays))).collect();
     let mut words = |class: u32| {
@@ -133,14 +158,45 @@ pub(super) fn given(
     })
 }
 
-/// Says of an error which variable it is about.
-fn named(variable: &InterfaceVariable) -> impl Fn(Error) -> Error {
-    let name = match (variable.name.as_str(), variable.descriptor_set.zip(variable.binding)) {
-        ("", Some((set, binding))) => format!("set {set}, binding {binding}"),
+/// Says of an error what it is about.
+fn named(name: &str) -> impl Fn(Error) -> Error {
+    move |error| error.context(format_args!("synthetic memory of {name}"))
+}
+
+/// The name of a variable in messages.
+fn name_of(variable: &InterfaceVariable) -> String {
+    match (variable.name.as_str(), variable.descriptor_set.zip(variable.binding)) {
+        ("", Some((set, binding))) => Binding { set, binding }.to_string(),
         ("", None) => format!("%{}", variable.id.0),
         (name, _) => format!("`{name}`"),
-    };
-    move |error| error.context(format_args!("synthetic memory of {name}"))
+    }
+}
+
+/// What a shader asks of a binding: so many descriptors of a type.
+struct Wanted {
+    place: Binding,
+    /// The type of one descriptor; of a buffer that of its bytes.
+    element: TypeId,
+    count: u32,
+    root: u64,
+    name: String,
+}
+
+/// What a program asks of the descriptor heaps: descriptors up to the index that it uses, or some
+/// where the index is computed.
+fn wanted_in_heaps(program: &Program, scale: u32) -> Vec<Wanted> {
+    let wanted = program.heap_uses().into_iter().enumerate().map(|(at, one)| {
+        let place = binding(one.heap);
+        let count = one.index.map_or(DESCRIPTORS.saturating_mul(scale), |index| index.saturating_add(1));
+        Wanted {
+            place,
+            element: one.block.unwrap_or(one.ty),
+            count: count.min(1 << ELEMENT_BITS),
+            root: mix(u64::from(place.set) << 40 ^ u64::from(place.binding), at as u64),
+            name: place.to_string(),
+        }
+    });
+    wanted.collect()
 }
 
 /// What one variable asks of its binding: so many descriptors, of which the first few repeat.

@@ -92,7 +92,7 @@ impl<'a> OutputComparison<'a> {
             self.compare(subject, offset, values, &|| output_name(path), &|| path.to_owned());
         };
         let (layout, stride) = match one.binding {
-            Some([set, binding, _]) => (declared(assembled, Binding { set, binding }), None),
+            Some([set, binding, element]) => (declared(assembled, Binding { set, binding }, element), None),
             None => {
                 let pointees = unbound_elements(assembled, &one.name);
                 (pointees.map(|pointees| pointees.layout), pointees.and_then(|pointees| pointees.stride()))

@@ -7,8 +7,10 @@ use crate::debugger::place_memory::{MemoryBase, MemoryPlace, PlaceContext};
 use crate::debugger::variable_place::VariablePlace;
 use anyhit_engine::machine::{Bindings, REGISTER_POINTER, Reg};
 use anyhit_engine::module::constant::ConstantValue;
+use anyhit_engine::module::heap::DESCRIPTOR_BYTES;
 use anyhit_engine::module::ty::{MatrixLayout, Type, TypeId};
 use anyhit_engine::module::{Definition, Id, Module};
+use anyhit_engine::ops::heap;
 use anyhit_engine::ops::memory::{BufferRef, OUT_OF_BOUNDS};
 use anyhit_engine::ops::pointer::{PointeeLayout, Pointer, PointerBase};
 use anyhit_engine::ops::translate::IdValue;
@@ -158,6 +160,29 @@ impl IdPlaces<'_> {
                 }
                 let handle = Bindings::element_handle(first, pointer.offset).wrapping_add(index);
                 Ok(VariablePlace::descriptors(context, ty, handle, buffers))
+            }
+            PointerBase::Heap(variable) => {
+                let (offset, module) = (self.offset(pointer).ok_or(outside)?, &self.program.module);
+                let id = module.variables[variable as usize].id;
+                let heap = module.heap(&module.variables[variable as usize]).ok_or("it is not a heap")?;
+                let at = |binding| heap::handle_in(&self.program.slots, id, binding);
+                let unused = "the shader uses nothing of this kind in the heap";
+                match module.ty(ty) {
+                    Type::Pointer { .. } | Type::Void => Err("the type of what lies there is not known"),
+                    Type::Image(_) | Type::Sampler | Type::AccelerationStructure | Type::Buffer { .. } => {
+                        let first = at(heap::binding(heap)).ok_or(unused)?;
+                        let element = offset / u64::from(DESCRIPTOR_BYTES);
+                        let element = u32::try_from(element).map_err(|_| outside)?;
+                        let handle = Bindings::element_handle(first, element);
+                        Ok(VariablePlace::descriptors(context, ty, handle, false))
+                    }
+                    _ => {
+                        let base = MemoryBase::Descriptor(at(heap::binding(heap).heap_data()).ok_or(unused)?);
+                        let (rules, matrix) = (Rules::Explicit, pointer.layout.matrix);
+                        let memory = MemoryPlace { base, offset, rules, matrix };
+                        Ok(VariablePlace::memory(context, ty, memory))
+                    }
+                }
             }
             PointerBase::Texel(_) => Err("it is a texel, which only atomic instructions access"),
         }

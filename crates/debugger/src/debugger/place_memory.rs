@@ -59,7 +59,7 @@ impl PlaceContext {
         let element = if several { format!("[{element}]") } else { String::new() };
         let bound = bindings.descriptor(handle).and_then(|descriptor| descriptor.kind());
         let unbound = if bound.is_none() { ", which is not bound" } else { "" };
-        format!("`{name}{element}` (set {}, binding {}){unbound}", binding.set, binding.binding)
+        format!("`{name}{element}` ({binding}){unbound}")
     }
 }
 

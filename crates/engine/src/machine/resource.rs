@@ -3,6 +3,7 @@
 //! Resources are shared by all threads of a launch, so their memory is made of relaxed atomics:
 //! plain loads and stores on every machine, and no undefined behaviour where a shader races.
 
+use std::fmt;
 use std::sync::Arc;
 
 use crate::accel::Tlas;
@@ -21,6 +22,48 @@ pub struct Binding {
     pub set: u32,
     /// `Binding`
     pub binding: u32,
+}
+
+/// The number of the set that stands for heaps: no descriptor set has it.
+const HEAP_SET: u32 = u32::MAX - 1;
+/// The number of the set that stands for banks of push constants (`module::push_constant_bank`).
+const BANK_SET: u32 = u32::MAX - 2;
+
+impl Binding {
+    /// The resource heap (`SPV_EXT_descriptor_heap`), whose array elements are its descriptors.
+    pub const RESOURCE_HEAP: Self = Self { set: HEAP_SET, binding: 0 };
+    /// The sampler heap.
+    pub const SAMPLER_HEAP: Self = Self { set: HEAP_SET, binding: 1 };
+
+    /// Whether it stands for a heap, or for the data in one.
+    pub const fn is_heap(self) -> bool {
+        self.set == HEAP_SET
+    }
+
+    /// What stands for a bank of push constants beside the first one (`SPV_NV_push_constant_bank`).
+    pub const fn push_constant_bank(bank: u32) -> Self {
+        Self { set: BANK_SET, binding: bank }
+    }
+
+    /// Of a heap: what stands for the data between its descriptors, a buffer.
+    #[must_use]
+    pub const fn heap_data(self) -> Self {
+        Self { set: self.set, binding: self.binding + 2 }
+    }
+}
+
+/// In words: `set 0, binding 3`, or the name of a heap.
+impl fmt::Display for Binding {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self {
+            Self::RESOURCE_HEAP => f.write_str("the resource heap"),
+            Self::SAMPLER_HEAP => f.write_str("the sampler heap"),
+            Self { set: HEAP_SET, binding: 2 } => f.write_str("the data in the resource heap"),
+            Self { set: HEAP_SET, .. } => f.write_str("the data in the sampler heap"),
+            Self { set: BANK_SET, binding } => write!(f, "bank {binding} of the push constants"),
+            Self { set, binding } => write!(f, "set {set}, binding {binding}"),
+        }
+    }
 }
 
 /// What a binding's array element refers to.

@@ -33,6 +33,13 @@ pub enum AccessFault {
         /// The scene's name for it.
         name: Option<Arc<str>>,
     },
+    /// An offset in a descriptor heap that no descriptor has.
+    HeapOffset {
+        /// The handle of the heap's first descriptor.
+        first: u32,
+        /// Bytes from the beginning of the heap.
+        offset: u64,
+    },
     /// Bytes of a buffer.
     Buffer {
         /// Slot and array element, where a descriptor leads to it.

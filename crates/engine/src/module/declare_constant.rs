@@ -5,6 +5,7 @@
 use crate::module::constant::{Constant, ConstantValue};
 use crate::module::declare_type::unsupported_continuation;
 use crate::module::grammar::InstructionGrammar;
+use crate::module::heap::DESCRIPTOR_BYTES;
 use crate::module::load::Loader;
 use crate::module::span::{Span, invalid};
 use crate::module::ty::{Type, TypeId};
@@ -53,7 +54,7 @@ impl Loader<'_> {
         Ok(())
     }
 
-    fn constant_value(&self, span: Span, op: Opcode, ty: TypeId) -> Result<ConstantValue> {
+    fn constant_value(&mut self, span: Span, op: Opcode, ty: TypeId) -> Result<ConstantValue> {
         let at = span.start + 3;
         Ok(match op {
             Opcode::ConstantTrue
@@ -83,6 +84,17 @@ impl Loader<'_> {
             }
             Opcode::ConstantDataKHR | Opcode::SpecConstantDataKHR => {
                 ConstantValue::Data(self.constant_data(span, ty)?)
+            }
+            Opcode::ConstantSizeOfEXT => {
+                if !matches!(self.module.ty(ty), Type::Int { width: 32 | 64, .. }) {
+                    return Err(self.expected(span, span.start + 1, "an integer type of 32 or 64 bits"));
+                }
+                let of = self.type_at(span, at)?;
+                if !is_descriptor(self.module.ty(of)) {
+                    let error = self.expected(span, at, "the type of a descriptor");
+                    return Err(error.note("SPV_EXT_descriptor_heap, OpConstantSizeOfEXT"));
+                }
+                ConstantValue::Scalar(DESCRIPTOR_BYTES.into())
             }
             Opcode::ConstantNull => ConstantValue::Null,
             Opcode::Undef | Opcode::PoisonKHR => ConstantValue::Undef,
@@ -175,4 +187,13 @@ impl Loader<'_> {
         }
         Ok(())
     }
+}
+
+/// Returns true for types of descriptors (`SPV_EXT_descriptor_heap`), and for those that are not
+/// known.
+fn is_descriptor(ty: &Type) -> bool {
+    matches!(
+        ty,
+        Type::Buffer { .. } | Type::Image(_) | Type::AccelerationStructure | Type::Sampler | Type::Other(_)
+    )
 }

@@ -8,8 +8,10 @@ use rspirv::spirv::Capability;
 use crate::module::constant::ConstantValue;
 use crate::module::grammar::InstructionGrammar;
 use crate::module::load::Loader;
+use crate::module::names::storage_class_name;
 use crate::module::span::{Span, invalid};
 use crate::module::ty::{BFLOAT16, FLOAT8_E4M3, FLOAT8_E5M2, ImageType, Member, Type, TypeExtent, TypeId};
+use crate::module::validate::explicit_layout::{STORAGE_BUFFER, UNIFORM};
 use crate::module::{Definition, Id, Opcode};
 use anyhit_base::error::{Error, ErrorKind, Place, Result};
 use anyhit_base::input::InputLimit;
@@ -222,6 +224,14 @@ impl Loader<'_> {
             }
             Opcode::TypeSampler => Type::Sampler,
             Opcode::TypeAccelerationStructureKHR => Type::AccelerationStructure,
+            Opcode::TypeBufferEXT => match words[at] {
+                storage_class @ (UNIFORM | STORAGE_BUFFER) => Type::Buffer { storage_class },
+                found => {
+                    let name = storage_class_name(found);
+                    let message = format!("OpTypeBufferEXT: expected Uniform or StorageBuffer, found {name}");
+                    return Err(invalid(at, message).note("SPV_EXT_descriptor_heap, OpTypeBufferEXT"));
+                }
+            },
             Opcode::TypeRayQueryKHR => Type::RayQuery,
             Opcode::TypeHitObjectNV => Type::HitObject { ext: false },
             Opcode::TypeHitObjectEXT => Type::HitObject { ext: true },

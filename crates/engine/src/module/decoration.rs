@@ -38,6 +38,14 @@ pub mod number {
     pub const BINDING: u32 = 33;
     /// `DescriptorSet`
     pub const DESCRIPTOR_SET: u32 = 34;
+    /// `MemberOffsetNV`
+    pub const MEMBER_OFFSET: u32 = 5358;
+    /// `BankNV`
+    pub const BANK: u32 = 5397;
+    /// `ArrayStrideIdEXT`
+    pub const ARRAY_STRIDE_ID: u32 = 5124;
+    /// `OffsetIdEXT`
+    pub const OFFSET_ID: u32 = 5125;
     /// `FPFastMathMode`
     pub const FP_FAST_MATH_MODE: u32 = 40;
     /// `NoContraction`

@@ -200,6 +200,7 @@ impl Module {
             Type::Sampler => out.push_str("sampler"),
             Type::SampledImage(_) => out.push_str("sampled image"),
             Type::AccelerationStructure => out.push_str("accelerationStructureEXT"),
+            Type::Buffer { .. } => out.push_str("buffer"),
             Type::RayQuery => out.push_str("rayQueryEXT"),
             Type::HitObject { ext: true } => out.push_str("hitObjectEXT"),
             Type::HitObject { ext: false } => out.push_str("hitObjectNV"),

@@ -16,6 +16,7 @@ use crate::module::decoration::{Decorations, PendingDecorations};
 use crate::module::grammar::{InstructionGrammar, is_id, walk};
 use crate::module::id_map::{IdMap, UnknownResults};
 use crate::module::interface::{EntryPoint, Stage};
+use crate::module::push_constant_bank::bind_banks;
 use crate::module::span::{Span, invalid};
 use crate::module::ty::{Type, TypeExtent, TypeId};
 use crate::module::words::{Header, Walker, header, string, words_of};
@@ -451,6 +452,7 @@ impl<'w> Loader<'w> {
         self.module.debug_info = self.debug.finish();
         included_lines::repair(&mut self.module.debug_info, &self.module.functions, self.module.generator);
         std::mem::take(&mut self.pending).apply(&mut self.module, &self.unknown, self.words.len())?;
+        bind_banks(&mut self.module);
         Ok((self.module, self.unknown))
     }
 

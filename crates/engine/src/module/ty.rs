@@ -70,6 +70,10 @@ pub enum Type {
     /// The image type.
     SampledImage(TypeId),
     AccelerationStructure,
+    /// `OpTypeBufferEXT`: the descriptor of a buffer in a heap.
+    Buffer {
+        storage_class: u32,
+    },
     RayQuery,
     /// `OpTypeHitObjectNV` (`ext` false) or `OpTypeHitObjectEXT`.
     HitObject {

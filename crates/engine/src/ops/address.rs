@@ -258,7 +258,7 @@ fn stride(
     let pointee = pointer.pointee;
     match pointer.base {
         PointerBase::Buffer(_) if pointer.is_packed(translator) => Ok(translator.word_count(pointee)? * 4),
-        PointerBase::Buffer(_) => match stride {
+        PointerBase::Buffer(_) | PointerBase::Heap(_) => match stride {
             Some(stride) => Ok(stride),
             None => default_stride(translator, base, pointer),
         },

@@ -6,6 +6,7 @@ use smallvec::SmallVec;
 use crate::machine::device_memory::STRUCTURE_HANDLE;
 use crate::machine::{Bindings, Reg};
 use crate::module::ty::{Type, TypeId};
+use crate::ops::heap::{self, HeapContent};
 use crate::ops::memory::{self, BufferRef, Chunk};
 use crate::ops::op::Op;
 use crate::ops::pointer::{
@@ -27,7 +28,7 @@ pub(super) fn load_aligned(
     alignment: u32,
 ) -> Result<Words> {
     let count = match pointer.base {
-        PointerBase::Descriptors { .. } => 1,
+        PointerBase::Descriptors { .. } | PointerBase::Heap(_) => 1,
         _ => translator.word_count(pointer.pointee)?,
     };
     match pointer.base {
@@ -62,6 +63,10 @@ pub(super) fn load_aligned(
         PointerBase::Descriptors { buffers: true, .. } => {
             Err(translator.invalid("a load reads a whole array of buffers"))
         }
+        PointerBase::Heap(variable) => match heap::content(translator, variable, pointer)? {
+            HeapContent::Descriptor(handle) => descriptor_value(translator, pointer.pointee, handle),
+            HeapContent::Data(data) => load_aligned(translator, &data, alignment),
+        },
         PointerBase::Descriptors { first, array, .. } => {
             if let (true, &Type::Array { element, .. }) = (array, translator.module.ty(pointer.pointee)) {
                 // Before its words are listed: a binding may have more elements than that.
@@ -78,17 +83,23 @@ pub(super) fn load_aligned(
             }
             let base = translator.constant(Bindings::element_handle(first, pointer.offset))?;
             let handle = add_offset(translator, pointer.index, base)?;
-            match *translator.module.ty(pointer.pointee) {
-                // An image and a sampler, or a handle that stands for a device address.
-                Type::SampledImage(_) => Ok(SmallVec::from_slice(&[handle, handle])),
-                Type::AccelerationStructure => {
-                    let high = translator.constant(STRUCTURE_HANDLE)?;
-                    let first = translator.pair(handle, high)?;
-                    Ok(SmallVec::from_slice(&[first, first.plus(1)]))
-                }
-                _ => Ok(SmallVec::from_slice(&[handle])),
-            }
+            descriptor_value(translator, pointer.pointee, handle)
         }
+    }
+}
+
+/// The value of a descriptor of a type.
+fn descriptor_value(translator: &mut Translator<'_>, ty: TypeId, handle: Reg) -> Result<Words> {
+    match *translator.module.ty(ty) {
+        // An image and a sampler, or a handle that stands for a device address.
+        Type::SampledImage(_) => Ok(SmallVec::from_slice(&[handle, handle])),
+        Type::AccelerationStructure => {
+            let high = translator.constant(STRUCTURE_HANDLE)?;
+            let first = translator.pair(handle, high)?;
+            Ok(SmallVec::from_slice(&[first, first.plus(1)]))
+        }
+        Type::Buffer { .. } => Err(translator.invalid("a load reads the descriptor of a buffer")),
+        _ => Ok(SmallVec::from_slice(&[handle])),
     }
 }
 
@@ -165,7 +176,9 @@ pub(super) fn store_aligned(
             }
             Ok(())
         }
-        PointerBase::Descriptors { .. } => Err(translator.invalid("a store writes to a descriptor")),
+        PointerBase::Descriptors { .. } | PointerBase::Heap(_) => {
+            Err(translator.invalid("a store writes to a descriptor"))
+        }
         PointerBase::Texel(_) => {
             Err(translator.invalid("a store uses a pointer to a texel: only atomic instructions may use it"))
         }

@@ -41,6 +41,8 @@ pub mod dot_product;
 mod edge_vectors;
 pub mod float_controls;
 pub mod glsl;
+pub mod heap;
+pub mod heap_descriptor;
 pub mod hit_object;
 pub mod image;
 pub mod integer_functions;
@@ -147,6 +149,7 @@ pub fn translate_instruction(translator: &mut Translator<'_>, instruction: &Inst
     let done = composite::translate(translator, instruction)?
         || pointer::translate(translator, instruction)?
         || address::translate(translator, instruction)?
+        || heap::translate(translator, instruction)?
         || untyped_pointer::translate(translator, instruction)?
         || dot_product::translate(translator, instruction)?
         || mixed_dot_product::translate(translator, instruction)?

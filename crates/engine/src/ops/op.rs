@@ -4,6 +4,7 @@ use crate::machine::object::ObjectRef;
 use crate::machine::stop::RegSpan;
 use crate::machine::{Batch, Bindings, Reg};
 use crate::ops::access::{Access, ComputedRegisters, OperandKind, RegCopy};
+use crate::ops::heap_descriptor::HeapDescriptor;
 use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::ops::shared_access::{SharedPart, SharedUse, SharedVisitor};
 use crate::ops::{atomic, debug_printf, hit_object, image, memory, ray_query, ray_tracing, subgroup};
@@ -22,6 +23,8 @@ pub enum Op {
     },
     /// Moves, loads and stores.
     Memory(memory::MemoryOp),
+    /// Finds a descriptor in a heap.
+    HeapDescriptor(HeapDescriptor),
     /// Atomic instructions.
     Atomic(Box<atomic::AtomicOp>),
     /// Subgroup instructions.
@@ -68,6 +71,7 @@ impl Op {
                 visit(Access::Write(*to, kernel.words));
             }
             Self::Memory(op) => op.accesses(&mut visit),
+            Self::HeapDescriptor(op) => op.accesses(&mut visit),
             Self::Atomic(op) => op.accesses(&mut visit),
             Self::Subgroup(op) => op.accesses(&mut visit),
             Self::Print(op) => op.accesses(&mut visit),
@@ -124,6 +128,7 @@ impl Op {
                 }
             }
             Self::Memory(op) => op.visit_single_registers(visit),
+            Self::HeapDescriptor(op) => op.visit_single_registers(visit),
             _ => {}
         }
     }
@@ -148,6 +153,15 @@ impl Op {
     pub fn computed_offset(&self) -> Option<memory::ComputedOffset> {
         match self {
             Self::Memory(op) => op.computed_offset(),
+            _ => None,
+        }
+    }
+
+    /// What the operation finds in a descriptor heap.
+    #[inline]
+    pub fn heap_descriptor(&self) -> Option<&HeapDescriptor> {
+        match self {
+            Self::HeapDescriptor(op) => Some(op),
             _ => None,
         }
     }
@@ -324,6 +338,7 @@ impl Op {
                 Width::<W>::run(*kernel, &mut batch.registers, *to, from)
             }
             Self::Memory(op) => op.eval(batch, bindings),
+            Self::HeapDescriptor(op) => op.eval(batch),
             Self::Atomic(op) => op.eval(batch, bindings),
             Self::Subgroup(op) => op.eval(batch),
             Self::Print(op) => op.eval(batch, bindings),

@@ -7,6 +7,7 @@ use crate::machine::{Binding, Bindings, REGISTER_POINTER, Reg};
 use crate::module::decoration::number;
 use crate::module::ty::{MatrixLayout, Type, TypeId};
 use crate::module::{Id, Instruction, Opcode};
+use crate::ops::heap::{self, HeapContent};
 use crate::ops::image::texel_ref::TexelRef;
 use crate::ops::integer_operand::ReadAs;
 use crate::ops::load_store::{load, load_aligned, store, store_aligned};
@@ -69,6 +70,8 @@ pub enum PointerBase {
         /// Whether the descriptors are buffers, whose contents further indices reach.
         buffers: bool,
     },
+    /// Bytes of the descriptor heap that a variable of the module is.
+    Heap(u32),
     /// A texel, for atomic instructions only.
     Texel(Box<TexelRef>),
 }
@@ -179,9 +182,7 @@ pub fn pointer_word_count(storage_class: u32) -> u32 {
 pub fn variable(translator: &mut Translator<'_>, index: u32) -> Result<Pointer> {
     let variable = translator.module.variables[index as usize].clone();
     let id = variable.id;
-    let Some(pointee) = variable.ty else {
-        return Err(translator.invalid(format!("variable %{} has no type of data", id.0)));
-    };
+    let Some(pointee) = variable.ty else { return heap::variable(translator, index) };
     let pointer = |base| Pointer::new(base, pointee, variable.storage_class);
     match variable.storage_class {
         storage::INPUT => {
@@ -240,7 +241,10 @@ pub fn variable(translator: &mut Translator<'_>, index: u32) -> Result<Pointer> 
             });
             Ok(Pointer { offset, ..pointer(PointerBase::Buffer(BufferRef::Workgroup)) })
         }
-        storage::PUSH_CONSTANT => Ok(pointer(PointerBase::Buffer(BufferRef::PushConstants))),
+        storage::PUSH_CONSTANT => {
+            let offset = translator.module.offset_in_bank(id);
+            Ok(Pointer { offset, ..pointer(PointerBase::Buffer(BufferRef::PushConstants)) })
+        }
         storage::SHADER_RECORD_BUFFER => Ok(pointer(PointerBase::Buffer(BufferRef::ShaderRecord))),
         storage::UNIFORM_CONSTANT | storage::UNIFORM | storage::STORAGE_BUFFER => {
             let decorations = &translator.module.decorations;
@@ -255,18 +259,16 @@ pub fn variable(translator: &mut Translator<'_>, index: u32) -> Result<Pointer> 
             // A block without an instance name is named after its type.
             let block = || translator.module.name(translator.module.id_of_type(pointee)?);
             let name = translator.module.name(id).or_else(block).unwrap_or_default().to_string();
-            let slot = translator.slots.len() as u32;
-            if translator.slots.len() == MAX_SLOTS {
-                return Err(translator
-                    .unsupported(format!("more than {MAX_SLOTS} descriptor bindings are not supported")));
-            }
-            translator.slots.push(Slot { binding: Binding { set, binding }, name, variable: id });
+            let first = add_slot(translator, Binding { set, binding }, name, id)?;
             let array =
                 matches!(translator.module.ty(pointee), Type::Array { .. } | Type::RuntimeArray { .. });
             let buffers = variable.storage_class != storage::UNIFORM_CONSTANT;
             Ok(match (buffers, array) {
-                (true, false) => pointer(PointerBase::Buffer(BufferRef::Handle(Bindings::handle(slot, 0)))),
-                _ => pointer(PointerBase::Descriptors { first: Bindings::handle(slot, 0), array, buffers }),
+                (true, false) => {
+                    let offset = translator.module.offset_in_bank(id);
+                    Pointer { offset, ..pointer(PointerBase::Buffer(BufferRef::Handle(first))) }
+                }
+                _ => pointer(PointerBase::Descriptors { first, array, buffers }),
             })
         }
         other => {
@@ -274,6 +276,23 @@ pub fn variable(translator: &mut Translator<'_>, index: u32) -> Result<Pointer> 
             Err(translator.unsupported(format!("variables of storage class {name} are not supported")))
         }
     }
+}
+
+/// Adds a slot for the descriptors of a variable; returns the handle of the first of them.
+pub(super) fn add_slot(
+    translator: &mut Translator<'_>,
+    binding: Binding,
+    name: String,
+    variable: Id,
+) -> Result<u32> {
+    let slot = translator.slots.len() as u32;
+    if translator.slots.len() == MAX_SLOTS {
+        return Err(
+            translator.unsupported(format!("more than {MAX_SLOTS} descriptor bindings are not supported"))
+        );
+    }
+    translator.slots.push(Slot { binding, name, variable });
+    Ok(Bindings::handle(slot, 0))
 }
 
 /// The error of an input variable that is no builtin: no stage precedes those that run here.
@@ -317,6 +336,12 @@ pub fn pointer_words(translator: &mut Translator<'_>, pointer: &Pointer) -> Resu
             let base = translator.constant(pointer.offset)?;
             Ok(SmallVec::from_slice(&[handle, add_offset(translator, pointer.index, base)?]))
         }
+        PointerBase::Heap(variable) => match heap::content(translator, variable, pointer)? {
+            HeapContent::Descriptor(handle) => Ok(SmallVec::from_slice(&[handle])),
+            HeapContent::Data(_) => {
+                Err(translator.unsupported("a pointer into a heap as a value is not supported"))
+            }
+        },
         PointerBase::Descriptors { first, buffers, .. } => {
             let base = translator.constant(Bindings::element_handle(first, pointer.offset))?;
             let handle = add_offset(translator, pointer.index, base)?;
@@ -433,7 +458,7 @@ fn access_chain_step(
     index: crate::module::Id,
 ) -> Result<Pointer> {
     let packed = pointer.is_packed(translator);
-    let in_buffer = matches!(pointer.base, PointerBase::Buffer(_)) && !packed;
+    let in_buffer = matches!(pointer.base, PointerBase::Buffer(_) | PointerBase::Heap(_)) && !packed;
     match *translator.module.ty(pointer.pointee) {
         Type::Struct { ref members, .. } => {
             let at = translator.constant_integer(index)? as usize;
@@ -444,7 +469,11 @@ fn access_chain_step(
                 )));
             };
             if in_buffer {
-                let offset = member.offset.ok_or_else(|| {
+                let offset = match pointer.base {
+                    PointerBase::Heap(_) => heap::member_offset(translator, pointer.pointee, at)?,
+                    _ => member.offset,
+                };
+                let offset = offset.ok_or_else(|| {
                     translator.missing_layout(
                         pointer.storage_class,
                         format!("member {at} of a buffer's struct has no Offset decoration"),
@@ -521,9 +550,14 @@ fn element_step(
             let words = translator.word_count(element)?;
             words.checked_mul(4).ok_or_else(|| beyond_4_gib(translator))?
         }
-        PointerBase::Buffer(_) => stride.ok_or_else(|| {
-            translator.missing_layout(pointer.storage_class, "a buffer's array has no ArrayStride decoration")
-        })?,
+        PointerBase::Buffer(_) | PointerBase::Heap(_) => {
+            let of_heap = matches!(pointer.base, PointerBase::Heap(_)) && stride.is_none();
+            let by_id = if of_heap { heap::array_stride(translator, pointer.pointee)? } else { None };
+            stride.or(by_id).ok_or_else(|| {
+                let message = "a buffer's array has no ArrayStride decoration";
+                translator.missing_layout(pointer.storage_class, message)
+            })?
+        }
         PointerBase::Descriptors { .. } => descriptor_count(translator, element)?,
         _ => translator.word_count(element)?,
     };
@@ -555,18 +589,22 @@ fn element_step(
     {
         // The element of an array of buffers is selected: the indices that follow are into its
         // bytes.
-        let handle = Bindings::element_handle(first, pointer.offset);
-        let buffer = match pointer.index.take() {
-            None => BufferRef::Handle(handle),
-            Some(index) => {
-                let handle = translator.constant(handle)?;
-                BufferRef::Computed(add_offset(translator, Some(index), handle)?)
-            }
-        };
-        pointer.base = PointerBase::Buffer(buffer);
-        pointer.offset = 0;
+        let buffer = element_buffer(translator, first, &pointer)?;
+        (pointer.base, pointer.offset, pointer.index) = (PointerBase::Buffer(buffer), 0, None);
     }
     Ok(pointer)
+}
+
+/// The buffer of an element of an array of buffers.
+fn element_buffer(translator: &mut Translator<'_>, first: u32, pointer: &Pointer) -> Result<BufferRef> {
+    let handle = Bindings::element_handle(first, pointer.offset);
+    match pointer.index {
+        None => Ok(BufferRef::Handle(handle)),
+        Some(index) => {
+            let handle = translator.constant(handle)?;
+            Ok(BufferRef::Computed(add_offset(translator, Some(index), handle)?))
+        }
+    }
 }
 
 /// The alignment in the memory operands that begin at a position: a mask, then a literal if its

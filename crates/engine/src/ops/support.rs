@@ -11,13 +11,14 @@ pub mod table;
 use rspirv::grammar::INSTRUCTION_TABLE;
 use rspirv::spirv::{self, Capability, GlslStd450Op};
 
+use crate::module::heap::Heap;
 use crate::module::interface::EntryPoint;
 use crate::module::names::{builtin_name, ext_inst_name, storage_class_name};
 use crate::module::{Definition, Id, Instruction, Module, Opcode};
 use crate::ops::lane_kernel::{InstructionSet, family};
 use crate::ops::{
-    address, amd, atomic, barrier, builtin, composite, derivative, dot_product, hit_object, image, irregular,
-    linear_algebra, mixed_dot_product, pointer, ray_query, ray_tracing, subgroup, untyped_pointer,
+    address, amd, atomic, barrier, builtin, composite, derivative, dot_product, heap, hit_object, image,
+    irregular, linear_algebra, mixed_dot_product, pointer, ray_query, ray_tracing, subgroup, untyped_pointer,
 };
 
 /// Whether something of SPIR-V runs.
@@ -106,6 +107,9 @@ pub fn instruction_set(name: &str) -> Support {
 pub fn builtin(number: u32) -> Option<Support> {
     if builtin::find(number).is_some() {
         return Some(Support::Supported("ray tracing"));
+    }
+    if Heap::of_builtin(number).is_some() {
+        return Some(Support::Supported("descriptor heap"));
     }
     let known = spirv::BuiltIn::from_u32(number)?;
     let unsupported = lists::group_of(lists::UNSUPPORTED_BUILTINS, known).map(Support::Unsupported);
@@ -226,6 +230,7 @@ fn section_of(op: Opcode) -> Option<&'static str> {
         ("memory", pointer::OPCODES),
         ("pointers and device addresses", address::OPCODES),
         ("pointers and device addresses", untyped_pointer::OPCODES),
+        ("descriptor heap", heap::OPCODES),
         ("atomics and barriers", atomic::OPCODES),
         ("atomics and barriers", barrier::OPCODES),
         ("subgroups", subgroup::OPCODES),

@@ -10,10 +10,12 @@ use crate::machine::sampler::{CompareOp, Sampler};
 use crate::machine::{AccessFault, Binding, BindingSummary, Buffer, Descriptor};
 use crate::module::ty::{ImageType, Type, TypeId};
 use crate::module::{GlobalVariable, Module};
+use crate::ops::heap;
 use crate::ops::image::view;
 use crate::ops::pointer::storage;
 use crate::ops::translate::Slot;
 use crate::program::Program;
+use crate::reflect::heap::{HeapUse, heap_uses};
 use anyhit_base::sorted::sort_by_key;
 
 /// The blocks that a program uses: type, storage class and binding.
@@ -172,7 +174,9 @@ pub fn stand_in<'a>(programs: impl Iterator<Item = &'a Program>, binding: Bindin
     let mut made: Vec<StandIn> = Vec::new();
     for program in programs.filter(|program| program.bindings().any(|one| one == binding)) {
         let module = &*program.module;
-        for (_, ty) in variables(module, binding) {
+        let of_heap = program.heap_uses().into_iter().filter(|one| heap::binding(one.heap) == binding);
+        let types = variables(module, binding).map(|(_, ty)| ty).chain(of_heap.map(|one| one.ty));
+        for ty in types {
             let Some(wanted) = StandIn::of(module, ty).filter(|wanted| !made.contains(wanted)) else {
                 continue;
             };
@@ -208,7 +212,7 @@ impl StandIn {
             Some(Self::Image { dimension, multisampled, class, with_sampler })
         };
         match module.ty(ty) {
-            Type::Struct { .. } => Some(Self::Buffer),
+            Type::Struct { .. } | Type::Buffer { .. } => Some(Self::Buffer),
             Type::AccelerationStructure => Some(Self::Structure),
             Type::Sampler => Some(Self::Sampler),
             Type::Image(of) => image(of, false),
@@ -276,10 +280,9 @@ pub fn missing<'a>(
                 continue;
             }
             seen.push(one);
-            let Binding { set, binding } = slot.binding;
             let name = if slot.name.is_empty() { String::new() } else { format!("`{}` ", slot.name) };
             let ty = ty.map_or_else(String::new, |ty| format!(", {}", ty.name()));
-            all.push((slot.binding, format!("{name}(set {set}, binding {binding}{ty})")));
+            all.push((slot.binding, format!("{name}({}{ty})", slot.binding)));
         }
     }
     sort_by_key(&mut all, |(binding, _)| *binding);
@@ -287,6 +290,12 @@ pub fn missing<'a>(
 }
 
 impl Program {
+    /// The descriptors in heaps that it uses.
+    #[doc(hidden)]
+    pub fn heap_uses(&self) -> Vec<HeapUse> {
+        self.entry_point().map_or_else(Vec::new, |entry| heap_uses(&self.module, entry.function))
+    }
+
     /// Lists what is bound and what is not, where a descriptor is missing; `others` run with this
     /// one.
     #[doc(hidden)]
@@ -294,7 +303,6 @@ impl Program {
         let Some(AccessFault::Descriptor { bound, .. }) = accessed else { return Vec::new() };
         let programs = || std::iter::once(self).chain(others.iter().map(|program| &**program));
         let one = |bound: &BindingSummary| {
-            let Binding { set, binding } = bound.binding;
             let slot = programs().flat_map(|one| &one.slots).find(|slot| slot.binding == bound.binding);
             let slot = slot.filter(|slot| !slot.name.is_empty());
             let name = slot.map_or_else(String::new, |slot| format!("`{}`, ", slot.name));
@@ -302,7 +310,7 @@ impl Program {
             let given =
                 bound.name.as_ref().map_or_else(String::new, |name| format!(", the scene's `{name}`"));
             let kinds = bound.kinds.join(" and ");
-            format!("set {set}, binding {binding} ({name}{kinds}{count}{given})")
+            format!("{} ({name}{kinds}{count}{given})", bound.binding)
         };
         let at = |binding| bound.iter().filter(move |one: &&BindingSummary| one.binding == binding);
         let missing = missing(programs(), |binding| at(binding).flat_map(|one| one.kinds.clone()).collect());

@@ -40,6 +40,7 @@ use crate::math::array;
 use crate::module::interface::{EntryPoint, Stage};
 use crate::module::ty::Type;
 use crate::module::{Id, Module, Opcode};
+use crate::ops::heap_descriptor::HEAP_BYTES;
 use crate::ops::memory::BufferRef;
 use crate::ops::op::Op;
 use crate::ops::translate::{IdValues, InputRegisters, InterfaceRegisters, Origin, Slot, WorkgroupVariable};
@@ -458,6 +459,12 @@ impl Program {
         if trap.code == TrapCode::InvalidHitKind {
             return Some(format!("the hit kind is {fault_value}"));
         }
+        if let Some(&AccessFault::HeapOffset { first, offset }) = accessed {
+            return Some(format!(
+                "byte {offset} of {}, which has at most {HEAP_BYTES}",
+                self.heap_binding(first)?
+            ));
+        }
         let Some(chunk) = self.accessed_chunk(trap.op) else { return self.describe_texel(accessed?) };
         let bytes = chunk.width / 8 * chunk.count;
         let extent = match trap.code {
@@ -526,9 +533,15 @@ impl Program {
             AccessFault::Buffer { handle: None, .. }
             | AccessFault::Address { .. }
             | AccessFault::ImageFile(_)
+            | AccessFault::HeapOffset { .. }
             | AccessFault::HitRecord(_)
             | AccessFault::Message(_) => None,
         }
+    }
+
+    /// The heap that has a handle.
+    pub(super) fn heap_binding(&self, first: u32) -> Option<Binding> {
+        Some(self.slots.get(Bindings::slot_of(first)?.0)?.binding)
     }
 
     /// Describes where a device address is relative to the nearest buffer.
@@ -568,8 +581,7 @@ impl Program {
             return Some("a null descriptor".to_owned());
         };
         let slot = self.slots.get(slot)?;
-        let Binding { set, binding } = slot.binding;
-        Some(format!("`{}` (set {set}, binding {binding}, element {element})", slot.name))
+        Some(format!("`{}` ({}, element {element})", slot.name, slot.binding))
     }
 
     /// Describes a byte of the buffer that a handle leads to: the source expression of its scalar,
@@ -578,7 +590,6 @@ impl Program {
     pub fn describe_buffer_byte(&self, handle: u32, byte: u64) -> Option<String> {
         let (slot, element) = Bindings::slot_of(handle)?;
         let slot = self.slots.get(slot)?;
-        let Binding { set, binding } = slot.binding;
         let module = &self.module;
         let mut ty = module.pointee(slot.variable)?;
         let mut name = slot.name.clone();
@@ -593,7 +604,7 @@ impl Program {
         }
         let path = Layout::new(module, ty, Rules::Explicit).byte_path(byte)?;
         let dot = if path.is_empty() || path.starts_with('[') { "" } else { "." };
-        Some(format!("`{name}{dot}{path}` (set {set}, binding {binding}, element {element})"))
+        Some(format!("`{name}{dot}{path}` ({}, element {element})", slot.binding))
     }
 
     /// Describes an invocation of this program by its launch index; in compute shaders, where that

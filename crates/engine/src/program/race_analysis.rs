@@ -405,7 +405,10 @@ impl<'a> ValueTracking<'a> {
                 }
                 (Some(ComputedOffset { base: Some(base), .. }), _) => base,
                 (_, Some(copy)) => copy.from,
-                _ => return Memory::Unknown,
+                _ => {
+                    let heap = writer.heap_descriptor();
+                    return heap.map_or(Memory::Unknown, |found| self.binding(found.first));
+                }
             };
         }
         Memory::Unknown

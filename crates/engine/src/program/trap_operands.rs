@@ -19,12 +19,17 @@ impl Program {
         accessed: Option<&AccessFault>,
         index: Option<IndexOperand>,
     ) -> TrapOperands {
+        let in_heap = matches!(accessed, Some(AccessFault::HeapOffset { .. }));
         let index = match index {
-            Some(index) if trap.code == TrapCode::IndexOutOfBounds => {
+            Some(index) if trap.code == TrapCode::IndexOutOfBounds && !in_heap => {
                 return self.index_operands(trap, index, accessed);
             }
             index => index,
         };
+        if let Some(&AccessFault::HeapOffset { first, offset }) = accessed {
+            let heap = self.heap_binding(first).map_or_else(String::new, |heap| heap.to_string());
+            return TrapOperands::HeapOffset { heap, offset };
+        }
         match trap.code {
             TrapCode::InvalidTrace | TrapCode::InvalidRayQuery | TrapCode::InvalidHitObject => RayRule::ALL
                 .get(fault_value as usize)
@@ -180,6 +185,7 @@ impl Program {
             AccessFault::Buffer { handle: None, .. }
             | AccessFault::Address { .. }
             | AccessFault::ImageFile(_)
+            | AccessFault::HeapOffset { .. }
             | AccessFault::HitRecord(_)
             | AccessFault::Message(_) => TrapOperands::None,
         }

@@ -9,10 +9,12 @@ use std::fmt::Write;
 
 use crate::machine::Binding;
 use crate::module::decoration::number;
+use crate::module::heap::Heap;
 use crate::module::ty::{Type, TypeId};
 use crate::module::{Id, Module};
 use crate::ops::pointer::storage;
 use crate::ops::translate::array_length;
+use crate::reflect::heap::{HeapUse, heap_uses};
 use crate::reflect::{Layout, Rules};
 use anyhit_base::error::names::{list_of, nearest};
 use anyhit_base::error::{Error, ErrorKind, Result};
@@ -32,6 +34,8 @@ pub enum DataBlock {
     ShaderRecord,
     /// A uniform or storage buffer.
     Buffer(Binding),
+    /// A buffer at an index of the resource heap.
+    Heap(u32),
 }
 
 /// The structs of a module whose members all have an `Offset`, in the module's order.
@@ -123,12 +127,17 @@ pub fn find_block(module: &Module, block: DataBlock) -> Result<Option<Layout<'_>
                     && number(id, number::DESCRIPTOR_SET) == Some(set)
                     && number(id, number::BINDING) == Some(binding)
             }
+            DataBlock::Heap(_) => false,
         };
         if let Some(ty) = variable.ty.filter(|_| is_it)
             && let Some(ty) = pointed_struct(module, ty)
         {
             found.push(explicit(module, ty));
         }
+    }
+    if let DataBlock::Heap(index) = block {
+        let blocks = blocks_in_heap(module, index).into_iter();
+        found.extend(blocks.filter_map(|ty| pointed_struct(module, ty)).map(|ty| explicit(module, ty)));
     }
     let found = distinct(found);
     match found[..] {
@@ -142,13 +151,37 @@ pub fn find_block(module: &Module, block: DataBlock) -> Result<Option<Layout<'_>
     }
 }
 
+/// The types that accesses give to the bytes of the buffer at an index of the resource heap: of
+/// accesses with this index, else of those whose index is computed.
+fn blocks_in_heap(module: &Module, index: u32) -> Vec<TypeId> {
+    let uses = module.entry_points.iter().flat_map(|entry| heap_uses(module, entry.function));
+    let uses: Vec<HeapUse> = uses.filter(|one| one.heap == Heap::Resources).collect();
+    let at = |wanted: Option<u32>| {
+        let here = uses.iter().filter(|one| one.index == wanted);
+        here.filter_map(|one| one.block).collect::<Vec<_>>()
+    };
+    match at(Some(index)) {
+        none if none.is_empty() => at(None),
+        exact => exact,
+    }
+}
+
 impl DataBlock {
+    /// The buffer at an element of a binding, which may stand for the resource heap.
+    pub fn of_buffer(binding: Binding, element: u32) -> Self {
+        match binding {
+            Binding::RESOURCE_HEAP => Self::Heap(element),
+            _ => Self::Buffer(binding),
+        }
+    }
+
     /// What it is, for messages.
     pub fn describe(self) -> String {
         match self {
             Self::PushConstants => "the block of push constants".into(),
             Self::ShaderRecord => "the block of shader records".into(),
-            Self::Buffer(Binding { set, binding }) => format!("the block at set {set}, binding {binding}"),
+            Self::Buffer(binding) => format!("the block at {binding}"),
+            Self::Heap(index) => format!("the block at index {index} of the resource heap"),
         }
     }
 }

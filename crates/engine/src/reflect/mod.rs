@@ -6,6 +6,7 @@
 //! [`Layout::read`] builds values, such as a [`TypedValue`](value::TypedValue), from bytes. Tests,
 //! scenes, the debugger and messages ask here.
 
+pub mod heap;
 mod layout;
 pub mod lookup;
 mod path;

@@ -64,20 +64,28 @@ impl Resolver<'_> {
             }
             for (at, element) in (content.element..).zip(elements) {
                 let key = [kept.at[0], kept.at[1], at];
+                let binding = Binding { set: content.set, binding: content.binding };
                 if let Some(other) = taken.get(&key) {
-                    let message =
-                        format!("two resources at set {}, binding {}", content.set, content.binding);
+                    let message = match binding.is_heap() {
+                        true => format!("two resources at index {at} of {binding}"),
+                        false => format!("two resources at {binding}"),
+                    };
                     let error = entry.name.span.error(message);
                     let error = error.at_with(other.clone(), "the other one");
-                    self.report.push(error.note(
-                        "assign each resource to passes with `passes`; without it, each shader uses the \
+                    self.report.push(if binding.is_heap() {
+                        error
+                    } else {
+                        error.note(
+                            "assign each resource to passes with `passes`; without it, each shader uses the \
                          resource of the type that it declares",
-                    ));
+                        )
+                    });
                 }
-                let binding = Binding { set: content.set, binding: content.binding };
                 if let Content::View(view) = &*element {
                     views.push((&entry.name, content, at, view.clone()));
-                } else if let Some(resource) = self.resource(binding, kept, &element, tlas) {
+                } else if let Some(resource) =
+                    self.resource(DataBlock::of_buffer(binding, at), kept, &element, tlas)
+                {
                     bindings.push(bound(&entry.name, content, kept, at, &element, resource));
                 } else {
                     continue;
@@ -167,7 +175,7 @@ impl Resolver<'_> {
 
     fn resource(
         &self,
-        binding: Binding,
+        block: DataBlock,
         kept: &KeptPlace,
         content: &Content,
         tlas: &[(String, Option<Arc<Tlas>>)],
@@ -175,11 +183,12 @@ impl Resolver<'_> {
         match content {
             Content::Buffer(kind, entry) => {
                 let readers: Vec<_> = kept.readers.iter().collect();
-                let (modules, block) =
-                    (SceneModules { resolver: self, own: &readers }, DataBlock::Buffer(binding));
+                let modules = SceneModules { resolver: self, own: &readers };
                 let data = self.report.keep(entry.load(&self.sources(), &modules, Some(block)))?;
                 Some(match kind {
-                    DescriptorKind::UniformBuffer => Resource::UniformBuffer(data),
+                    DescriptorKind::UniformBuffer | DescriptorKind::PushConstantBank => {
+                        Resource::UniformBuffer(data)
+                    }
                     _ => Resource::StorageBuffer(data),
                 })
             }

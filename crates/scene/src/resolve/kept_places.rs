@@ -11,6 +11,7 @@ use crate::read::{Spanned, unknown_name};
 use crate::resolve::Resolver;
 use crate::resources::{Content, ResourceEntry};
 use anyhit_base::sorted::sort_by_key;
+use anyhit_engine::machine::Binding;
 
 /// Where a resource is kept, and who finds it where it is bound.
 #[derive(Clone, Debug)]
@@ -61,6 +62,9 @@ impl Resolver<'_> {
             let has_kind = |one: &BoundArray<'_>| one.passes == passes && one.kinds.contains(&kind);
             let overlaps = |range: &Range<u32>| range.start < elements.end && elements.start < range.end;
             let is_free = |one: &BoundArray<'_>| one.passes == passes && !one.elements.iter().any(overlaps);
+            // A heap is one array, whatever the types of its descriptors.
+            let is_heap = Binding { set: content.set, binding: content.binding }.is_heap();
+            let has_kind = |one: &BoundArray<'_>| is_heap || has_kind(one);
             let found = here.iter().position(has_kind).or_else(|| here.iter().position(is_free));
             let at = found.unwrap_or_else(|| {
                 let at = match here.is_empty() && passes.is_none() {
@@ -172,7 +176,8 @@ impl Resolver<'_> {
                         Some(name) => format!("`{name}`"),
                         None => pass.to_string(),
                     };
-                    let message = format!("two resources at set {set}, binding {binding} of pass {label}");
+                    let at = Binding { set: *set, binding: *binding };
+                    let message = format!("two resources at {at} of pass {label}");
                     let error = one.names[0].span.error(message);
                     self.report.push(error.at_with(other.names[0].span.place(), "the other one"));
                 }

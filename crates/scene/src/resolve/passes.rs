@@ -429,6 +429,8 @@ fn class(entry: &ResourceEntry) -> &'static str {
         | DescriptorKind::UniformBuffer
         | DescriptorKind::StorageBufferDynamic
         | DescriptorKind::UniformBufferDynamic
+        | DescriptorKind::HeapData
+        | DescriptorKind::PushConstantBank
         | DescriptorKind::Unbound => A_BUFFER,
         DescriptorKind::StorageImage
         | DescriptorKind::SampledImage

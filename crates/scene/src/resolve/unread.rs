@@ -21,6 +21,7 @@ use crate::resolved::UnreadPart;
 use crate::resources::{Content, ResourceEntry};
 use crate::struct_data::ShaderModules;
 use crate::tree::{Toml, TomlNode};
+use anyhit_engine::ops::heap::binding;
 
 const UNDECLARED: &str = "no shader declares its set and binding";
 const UNNAMED: &str = "nothing names it";
@@ -64,6 +65,9 @@ impl Resolver<'_> {
             let module = modules.module(shader).ok()?;
             let variables = module.entry_points.iter().flat_map(|entry| module.interface_of(entry));
             declared.extend(variables.filter_map(|one| Some([one.descriptor_set?, one.binding?])));
+            let heaps = module.entry_points.iter().flat_map(|entry| module.heaps_of(entry.function));
+            let places = heaps.map(binding).flat_map(|heap| [heap, heap.heap_data()]);
+            declared.extend(places.map(|at| [at.set, at.binding]));
         }
         Some(declared)
     }

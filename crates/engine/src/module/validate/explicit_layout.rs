@@ -58,10 +58,10 @@ const ONCE: &str = "SPIR-V, 2.16.1: a decoration is applied to a target at most 
 pub(super) const RUNTIME_ARRAY: &str = "VUID-StandaloneSpirv-OpTypeRuntimeArray-04680";
 
 /// Storage classes, numbers of the specification.
-pub(super) const UNIFORM: u32 = 2;
+pub(in crate::module) const UNIFORM: u32 = 2;
 pub(super) const WORKGROUP: u32 = 4;
 const PUSH_CONSTANT: u32 = 9;
-pub(super) const STORAGE_BUFFER: u32 = 12;
+pub(in crate::module) const STORAGE_BUFFER: u32 = 12;
 const SHADER_RECORD_BUFFER: u32 = 5343;
 pub(super) const PHYSICAL_STORAGE_BUFFER: u32 = 5349;
 

@@ -199,7 +199,7 @@ fn atomic_target(
         PointerBase::ComputedRegisters => {
             Ok(AtomicTarget::Registers { first: pointer.pointed_registers(), index: pointer.index })
         }
-        PointerBase::Descriptors { .. } => {
+        PointerBase::Descriptors { .. } | PointerBase::Heap(_) => {
             Err(translator.invalid("an atomic instruction accesses a descriptor"))
         }
     }

@@ -1,5 +1,6 @@
 //! Access to single texels by integer coordinates: `OpImageFetch`, `OpImageRead`, `OpImageWrite`,
-//! and the texel that `OpImageTexelPointer` gives to atomic instructions.
+//! and the texel that `OpImageTexelPointer` and `OpUntypedImageTexelPointerEXT` give to atomic
+//! instructions.
 //!
 //! Outside the image a store has no effect and a read gives zeros
 //! ([`MemoryPolicy`](crate::machine::MemoryPolicy)).
@@ -8,9 +9,9 @@ use crate::machine::format::Class;
 use crate::machine::{Reg, TrapCode};
 use crate::math::array;
 use crate::module::ty::Type;
-use crate::module::{Instruction, Opcode};
+use crate::module::{Id, Instruction, Opcode};
 use crate::ops::access::Access;
-use crate::ops::image::declared::{check_texel, texel_result, view_of};
+use crate::ops::image::declared::{check_texel, texel_result, view_of, view_of_type};
 use crate::ops::image::operands::Operands;
 use crate::ops::image::reader::LaneReader;
 use crate::ops::image::texel_ref::TexelRef;
@@ -20,6 +21,7 @@ use crate::ops::integer_operand::ReadAs;
 use crate::ops::op::Op as Operation;
 use crate::ops::pointer::{Pointer, PointerBase};
 use crate::ops::translate::{IdValue, Translator};
+use crate::ops::untyped_pointer::pointer_to;
 use crate::ops::value_registers::Words;
 use anyhit_base::error::Result;
 
@@ -123,7 +125,9 @@ pub fn translate(translator: &mut Translator<'_>, instruction: &Instruction) -> 
             let class = operands.class.unwrap_or(texel.view.class);
             translator.emit(Operation::Image(ImageOp::Write(Box::new(TexelWrite { from, class, texel }))));
         }
-        Opcode::ImageTexelPointer => texel_pointer(translator, instruction)?,
+        Opcode::ImageTexelPointer | Opcode::UntypedImageTexelPointerEXT => {
+            texel_pointer(translator, instruction)?
+        }
         _ => return Ok(false),
     }
     Ok(true)
@@ -173,20 +177,35 @@ fn integer_coordinates(translator: &mut Translator<'_>, instruction: &Instructio
 
 fn texel_pointer(translator: &mut Translator<'_>, instruction: &Instruction) -> Result<()> {
     let ty = translator.result_type(instruction)?;
-    let Type::Pointer { storage_class, pointee: Some(pointee), .. } = *translator.module.ty(ty) else {
-        return Err(translator.invalid("the result of OpImageTexelPointer must be a pointer"));
+    let Type::Pointer { storage_class, pointee, .. } = *translator.module.ty(ty) else {
+        return Err(translator.invalid(format!("the result of {} must be a pointer", instruction.opcode)));
     };
-    let id = translator.id(instruction, 0)?;
-    let view = view_of(translator, id)?;
-    let variable = translator.pointer(id)?;
-    let image = crate::ops::load_store::load(translator, &variable)?[0];
-    let coordinate = integer_coordinates(translator, instruction)?;
-    let sample = translator.id(instruction, 2)?;
+    // An untyped one begins with the type of the image.
+    let operands = translator.operands(instruction);
+    let (image_type, operands) = match instruction.opcode {
+        Opcode::UntypedImageTexelPointerEXT => {
+            operands.split_first().map_or((None, &[][..]), |(&ty, rest)| (Some(Id(ty)), rest))
+        }
+        _ => (None, operands),
+    };
+    let &[image, coordinate, sample] = operands else {
+        return Err(translator.invalid(format!("{} lacks operands", instruction.opcode)));
+    };
+    let [image, coordinate, sample] = [image, coordinate, sample].map(Id);
+    let (view, pointer) = match image_type {
+        None => (view_of(translator, image)?, translator.pointer(image)?),
+        Some(id) => {
+            let (ty, view) = view_of_type(translator, id)?;
+            (view, pointer_to(translator, image, ty)?)
+        }
+    };
+    let image = crate::ops::load_store::load(translator, &pointer)?[0];
+    let coordinate = translator.integers(coordinate, ReadAs::Coordinate)?;
     let sample = translator.integer(sample, ReadAs::Coordinate)?;
     let sample = Some(sample).filter(|_| view.multisampled);
     let operands = Operands { sample, ..Operands::default() };
     let texel = new_texel_ref(translator, view, image, coordinate, &operands)?;
-    let pointer = Pointer::new(PointerBase::Texel(Box::new(texel)), pointee, storage_class);
+    let pointer = Pointer::new(PointerBase::Texel(Box::new(texel)), pointee.unwrap_or(ty), storage_class);
     if let Some(id) = instruction.result {
         translator.define(id, IdValue::Pointer(pointer.into()));
     }

@@ -64,6 +64,14 @@ pub fn view_of(translator: &Translator<'_>, id: Id) -> Result<View> {
     view(translator, &image_type(translator, id)?)
 }
 
+/// The view that an image type declares.
+pub fn view_of_type(translator: &Translator<'_>, id: Id) -> Result<(TypeId, View)> {
+    match translator.module.type_with_id(id).map(|ty| (ty, translator.module.ty(ty))) {
+        Some((ty, Type::Image(image))) => Ok((ty, view(translator, image)?)),
+        _ => Err(translator.invalid(format!("%{} is not the type of an image", id.0))),
+    }
+}
+
 /// Checks the type of a texel that is read or written against the image's `Sampled Type`.
 ///
 /// # Errors

@@ -47,6 +47,7 @@ pub const OPCODES: &[Opcode] = &[
     Opcode::SampledImage,
     Opcode::Image,
     Opcode::ImageTexelPointer,
+    Opcode::UntypedImageTexelPointerEXT,
     Opcode::ImageSampleImplicitLod,
     Opcode::ImageSampleDrefImplicitLod,
     Opcode::ImageSampleProjImplicitLod,

@@ -12,7 +12,6 @@ pub(super) const MESH: &str = "mesh stages";
 pub(super) const KERNELS: &str = "kernels";
 pub(super) const COOPERATIVE: &str = "cooperative vectors and matrices";
 pub(super) const TENSORS: &str = "tensors";
-pub(super) const HEAP: &str = "descriptor heap";
 pub(super) const MICROMAPS: &str = "displacement micromaps";
 /// SPIR-V 3.3.10: "Instruction reserved for future use. Use of this instruction is invalid."
 pub(super) const RESERVED: &str = "reserved by the specification: their use is invalid";
@@ -70,6 +69,7 @@ pub(super) const READ_BY_MODULE_AND_PROGRAM: Groups<Opcode> = &[
             Opcode::DecorateString,
             Opcode::MemberDecorate,
             Opcode::MemberDecorateString,
+            Opcode::MemberDecorateIdEXT,
             Opcode::DecorationGroup,
             Opcode::GroupDecorate,
             Opcode::GroupMemberDecorate,
@@ -89,6 +89,7 @@ pub(super) const READ_BY_MODULE_AND_PROGRAM: Groups<Opcode> = &[
             Opcode::TypePointer,
             Opcode::TypeForwardPointer,
             Opcode::TypeUntypedPointerKHR,
+            Opcode::TypeBufferEXT,
             Opcode::TypeFunction,
             Opcode::TypeAccelerationStructureKHR,
             Opcode::TypeRayQueryKHR,
@@ -106,6 +107,7 @@ pub(super) const READ_BY_MODULE_AND_PROGRAM: Groups<Opcode> = &[
             Opcode::SpecConstantOp,
             Opcode::ConstantCompositeReplicateEXT,
             Opcode::SpecConstantCompositeReplicateEXT,
+            Opcode::ConstantSizeOfEXT,
             Opcode::ConstantDataKHR,
             Opcode::SpecConstantDataKHR,
         ],
@@ -275,7 +277,6 @@ pub(super) const OUT_OF_SCOPE_CAPABILITIES: Groups<Capability> = &[
         ],
     ),
     (TENSORS, &[Capability::TensorsARM, Capability::GraphARM, Capability::TensorAddressingNV]),
-    (HEAP, &[Capability::DescriptorHeapEXT]),
     (MICROMAPS, &[Capability::DisplacementMicromapNV]),
     (GRAPHS, &[Capability::ShaderEnqueueAMDX]),
     (NOT_VULKAN, &[Capability::BindlessTextureNV]),
@@ -369,7 +370,6 @@ pub(super) const OUT_OF_SCOPE_BUILTINS: Groups<BuiltIn> = &[
             BuiltIn::NumEnqueuedSubgroups,
         ],
     ),
-    (HEAP, &[BuiltIn::SamplerHeapEXT, BuiltIn::ResourceHeapEXT]),
     (GRAPHS, &[BuiltIn::RemainingRecursionLevelsAMDX, BuiltIn::ShaderIndexAMDX]),
     (
         MICROMAPS,
