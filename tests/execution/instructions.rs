@@ -6,6 +6,8 @@ mod barriers;
 mod builtins;
 mod calls;
 mod constants;
+mod cooperative_matrices;
+mod cooperative_vectors;
 mod declarations;
 mod extended;
 mod float_controls;

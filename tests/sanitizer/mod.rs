@@ -1,5 +1,6 @@
 //! The sanitizer on modules that no case of `shaders/` has.
 
+mod cooperative;
 mod modules;
 mod outputs;
 mod traversal_lints;

@@ -8,6 +8,7 @@ pub(super) mod births;
 pub(super) mod bounds;
 pub(super) mod call;
 pub(super) mod contents;
+pub(super) mod cooperative;
 mod fast_math;
 pub(super) mod hit_object;
 pub(super) mod image;

@@ -5,8 +5,8 @@ use crate::checks::bounds::TexelAccess;
 use crate::checks::image_format::ImageAccess;
 use crate::checks::lanes::workgroup_lanes;
 use crate::checks::{
-    barrier, begin, births, bounds, call, contents, hit_object, image, image_format, kernel, memory, query,
-    query_ray, ray, shared, stale, stop, subgroup, uniformity,
+    barrier, begin, births, bounds, call, contents, cooperative, hit_object, image, image_format, kernel,
+    memory, query, query_ray, ray, shared, stale, stop, subgroup, uniformity,
 };
 use crate::plan::{Executed, ProgramPlan};
 use crate::report::specials::SpecialSink;
@@ -226,6 +226,7 @@ impl Sanitizer<'_> {
                 }
             }
             Op::Subgroup(op) => subgroup::check(self, batch, shadow, executed, op),
+            Op::Cooperative(op) => cooperative::check(self, batch, bindings, shadow, place, op),
             Op::Atomic(atomic) => {
                 let mut accesses = |visit: &mut dyn FnMut(Access)| atomic.accesses(visit);
                 self.depend_on_reads(batch, shadow, op, Sink::Atomic, &mut accesses);

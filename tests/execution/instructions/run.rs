@@ -91,7 +91,8 @@ impl Shader<'_> {
         self.run_with(&mut Resources::default).expect_err("the shader runs, though it should not")
     }
 
-    fn text(&self) -> String {
+    /// The whole module.
+    pub fn text(&self) -> String {
         let mut constants = String::new();
         for value in 0..=32 {
             constants += &format!("%u{value} = OpConstant %uint {value}\n");

@@ -130,6 +130,9 @@ fn allows_every_encoding(op: Opcode) -> bool {
         | Opcode::Transpose | Opcode::CopyLogical | Opcode::CompositeConstructReplicateEXT
         | Opcode::CooperativeMatrixMulAddKHR | Opcode::CooperativeMatrixLengthKHR
         | Opcode::CooperativeMatrixLoadKHR | Opcode::CooperativeMatrixStoreKHR
+        | Opcode::CooperativeMatrixConvertNV | Opcode::CooperativeMatrixTransposeNV
+        | Opcode::CooperativeVectorLoadNV | Opcode::CooperativeVectorStoreNV
+        | Opcode::CooperativeVectorMatrixMulNV | Opcode::CooperativeVectorMatrixMulAddNV
         // They check the types of their operands.
         | Opcode::FDot2MixAcc32VALVE | Opcode::FDot2MixAcc16VALVE | Opcode::FDot4MixAcc32VALVE | Opcode::AbortKHR
         | Opcode::Select | Opcode::Phi | Opcode::Undef | Opcode::PoisonKHR | Opcode::FreezeKHR

@@ -3,9 +3,10 @@
 use std::sync::OnceLock;
 
 use crate::module::scalar_value::ScalarValue;
-use crate::module::ty::{Type, TypeId};
+use crate::module::ty::{CooperativeMatrix, Type, TypeId};
 use crate::module::{Definition, Id, Module, Opcode};
 use anyhit_base::error::{Error, ErrorKind, Result};
+use anyhit_base::input::InputLimit;
 use anyhit_base::sorted::sort;
 
 /// A constant with its type.
@@ -104,6 +105,7 @@ impl Module {
             found = true;
         }
         if found {
+            self.count_components(spec_id)?;
             // Layouts may depend on it.
             self.faults = OnceLock::new();
             return Ok(());
@@ -113,6 +115,42 @@ impl Module {
             format!("the module has no specialization constant {spec_id}"),
         )
         .note(self.list_specializations()))
+    }
+
+    /// Sets the number of components of vector and cooperative matrix types whose counts are
+    /// specialization constants.
+    fn count_components(&mut self, spec_id: u32) -> Result<()> {
+        let most = self.limits.get(InputLimit::TypeParts);
+        for at in 0..self.vector_counts.len() {
+            let (ty, length) = self.vector_counts[at];
+            let (Some(found), Type::Vector { component, .. }) = (self.scalar_value(length), self.ty(ty))
+            else {
+                continue;
+            };
+            let (component, count) = (*component, u32::try_from(found).unwrap_or(u32::MAX));
+            if count == 0 || u64::from(count) > most {
+                let message = format!(
+                    "the specialization constant {spec_id}: a vector of {count} components; 1 to {most} are supported"
+                );
+                return Err(Error::new(ErrorKind::InvalidArgument, message));
+            }
+            self.types[ty.0 as usize] = Type::Vector { component, count };
+        }
+        for at in 0..self.cooperative_matrices.len() {
+            let matrix = self.cooperative_matrices[at];
+            let [rows, columns] = [matrix.rows, matrix.columns].map(|id| self.scalar_value(id).unwrap_or(0));
+            let found = CooperativeMatrix::components_of_invocation(rows, columns);
+            if u64::from(found) > most {
+                let message = format!(
+                    "the specialization constant {spec_id}: a cooperative matrix of {rows} rows and {columns} columns"
+                );
+                return Err(Error::new(ErrorKind::InvalidArgument, message));
+            }
+            if let Type::Vector { count, .. } = &mut self.types[matrix.ty.0 as usize] {
+                *count = found;
+            }
+        }
+        Ok(())
     }
 
     /// Overrides the data of the specialization constants with this `SpecId`

@@ -148,6 +148,10 @@ impl Loader<'_> {
         let at = span.start + 3;
         let found = (span.end - at) as u64;
         let (expected, count) = match self.module.ty(ty) {
+            // Its one constituent is the value of all components.
+            Type::Vector { component, .. } if self.module.cooperative_matrix(ty).is_some() => {
+                (ConstituentTypes::All(*component), Some(1))
+            }
             Type::Vector { component, count } => (ConstituentTypes::All(*component), Some(u64::from(*count))),
             Type::Matrix { column, count } => (ConstituentTypes::All(*column), Some(u64::from(*count))),
             Type::Array { element, length, .. } => {

@@ -10,9 +10,11 @@ use crate::module::grammar::InstructionGrammar;
 use crate::module::load::Loader;
 use crate::module::names::storage_class_name;
 use crate::module::span::{Span, invalid};
-use crate::module::ty::{BFLOAT16, FLOAT8_E4M3, FLOAT8_E5M2, ImageType, Member, Type, TypeExtent, TypeId};
+use crate::module::ty::{
+    BFLOAT16, CooperativeMatrix, FLOAT8_E4M3, FLOAT8_E5M2, ImageType, Member, Type, TypeExtent, TypeId,
+};
 use crate::module::validate::explicit_layout::{STORAGE_BUFFER, UNIFORM};
-use crate::module::{Definition, Id, Opcode};
+use crate::module::{Definition, Id, Module, Opcode};
 use anyhit_base::error::{Error, ErrorKind, Place, Result};
 use anyhit_base::input::InputLimit;
 
@@ -59,6 +61,13 @@ impl Loader<'_> {
         let id = TypeId(self.module.types.len() as u32);
         self.define(at, Definition::Type(id))?;
         self.push_type(self.id(at), ty, extent);
+        if span.opcode == Opcode::TypeVectorIdEXT && known_vector(&self.module, id) {
+            self.module.vector_counts.push((id, self.id(at + 2)));
+        }
+        if span.opcode == Opcode::TypeCooperativeMatrixKHR && known_vector(&self.module, id) {
+            let [scope, rows, columns, usage] = [2, 3, 4, 5].map(|operand| self.id(at + operand));
+            self.module.cooperative_matrices.push(CooperativeMatrix { ty: id, scope, rows, columns, usage });
+        }
         Ok(())
     }
 
@@ -141,7 +150,9 @@ impl Loader<'_> {
             }
             // OpTypeCooperativeVectorNV has the same number.
             Opcode::TypeVectorIdEXT
-                if self.module.capabilities.contains(&(Capability::LongVectorEXT as u32)) =>
+                if [Capability::LongVectorEXT, Capability::CooperativeVectorNV]
+                    .iter()
+                    .any(|&capability| self.module.capabilities.contains(&(capability as u32))) =>
             {
                 let component = self.type_at(span, at)?;
                 if !is_scalar(self.module.ty(component)) {
@@ -151,6 +162,20 @@ impl Loader<'_> {
                 let ty = self.long_vector(span, component, length)?;
                 let count = if let Type::Vector { count, .. } = ty { count } else { 1 };
                 return Ok((ty, self.extent(component).around(count)));
+            }
+            Opcode::TypeCooperativeMatrixKHR
+                if self.module.capabilities.contains(&(Capability::CooperativeMatrixKHR as u32)) =>
+            {
+                let component = self.type_at(span, at)?;
+                if !is_scalar(self.module.ty(component)) {
+                    return Err(self.expected(span, at, "a numerical type"));
+                }
+                let [rows, columns] = [at + 2, at + 3].map(|at| self.module.scalar_value(self.id(at)));
+                let (Some(rows), Some(columns)) = (rows, columns) else {
+                    return Ok((Type::Other(span.opcode), TypeExtent::LEAF));
+                };
+                let count = CooperativeMatrix::components_of_invocation(rows, columns);
+                return Ok((Type::Vector { component, count }, self.extent(component).around(count)));
             }
             Opcode::TypeMatrix => {
                 let column = self.type_at(span, at)?;
@@ -264,17 +289,14 @@ impl Loader<'_> {
         }
     }
 
-    /// Makes a vector type whose count is a constant (`SPV_EXT_long_vector`).
+    /// Makes a vector type whose count is a constant (`SPV_EXT_long_vector`,
+    /// `SPV_NV_cooperative_vector`); [`Module::specialize_bits`] changes it.
     fn long_vector(&mut self, span: Span, component: TypeId, length: Id) -> Result<Type> {
-        let specializable = match self.module.definition(length) {
-            Some(Definition::Constant(index)) => self.module.constants[index as usize].specializable,
-            _ => false,
-        };
         match self.module.scalar_value(length).map(u32::try_from) {
-            Some(Ok(count)) if !specializable => Ok(Type::Vector { component, count }),
+            Some(Ok(count)) => Ok(Type::Vector { component, count }),
             _ => Err(Error::new(
                 ErrorKind::UnsupportedModule,
-                "OpTypeVectorIdEXT: only a plain constant is supported as the count of components",
+                "OpTypeVectorIdEXT: a count of components that OpSpecConstantOp computes is not supported",
             )
             .at(Place::Word(span.start))),
         }
@@ -312,6 +334,11 @@ impl Loader<'_> {
         }
         Ok(id)
     }
+}
+
+/// Whether a type is a vector.
+fn known_vector(module: &Module, ty: TypeId) -> bool {
+    matches!(module.ty(ty), Type::Vector { .. })
 }
 
 /// The error of a count of components or columns.

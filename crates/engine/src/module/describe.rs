@@ -107,6 +107,21 @@ impl Module {
             Type::Bool => out.push_str("bool"),
             Type::Int { width, signed } => out.push_str(&int_name(*width, *signed)),
             ty @ Type::Float { .. } => out.push_str(float_names(ty)[0]),
+            Type::Vector { component, .. } if self.cooperative_matrix(ty).is_some() => {
+                out.push_str("coopmat<");
+                self.write_type(*component, pointers, out);
+                if let Some(matrix) = self.cooperative_matrix(ty) {
+                    let [rows, columns] =
+                        [matrix.rows, matrix.columns].map(|id| self.scalar_value(id).unwrap_or(0));
+                    out.push_str(&format!(", {rows}, {columns}"));
+                }
+                out.push('>');
+            }
+            Type::Vector { component, count } if self.is_cooperative_vector(ty) => {
+                out.push_str("coopvecNV<");
+                self.write_type(*component, pointers, out);
+                out.push_str(&format!(", {count}>"));
+            }
             Type::Vector { component, count } => {
                 match self.ty(*component) {
                     Type::Bool => out.push('b'),

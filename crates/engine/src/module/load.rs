@@ -144,6 +144,8 @@ impl<'w> Loader<'w> {
                 entry_points: Vec::new(),
                 types: Vec::new(),
                 type_ids: Vec::new(),
+                vector_counts: Vec::new(),
+                cooperative_matrices: Vec::new(),
                 constants: Vec::new(),
                 variables: Vec::new(),
                 functions: Vec::new(),

@@ -58,7 +58,7 @@ use crate::module::debug_scopes::DebugScopes;
 use crate::module::decoration::Decorations;
 use crate::module::id_map::IdMap;
 use crate::module::interface::EntryPoint;
-use crate::module::ty::{Type, TypeId};
+use crate::module::ty::{CooperativeMatrix, Type, TypeId};
 use crate::module::validate::ValidationFinding;
 use anyhit_base::error::Warning;
 use std::fmt;
@@ -195,6 +195,13 @@ pub struct Module {
     /// The id that declares each type.
     #[doc(hidden)]
     pub type_ids: Vec<Id>,
+    /// The vector types whose count of components is a constant, with that constant, ascending:
+    /// long vectors (`SPV_EXT_long_vector`) and cooperative vectors (`SPV_NV_cooperative_vector`).
+    #[doc(hidden)]
+    pub vector_counts: Vec<(TypeId, Id)>,
+    /// The cooperative matrix types (`SPV_KHR_cooperative_matrix`), ascending.
+    #[doc(hidden)]
+    pub cooperative_matrices: Vec<CooperativeMatrix>,
     /// All constants, specialization constants and undefined values of module scope.
     #[doc(hidden)]
     pub constants: Vec<Constant>,
@@ -251,6 +258,25 @@ impl Module {
     #[doc(hidden)]
     pub fn ty(&self, ty: TypeId) -> &Type {
         &self.types[ty.0 as usize]
+    }
+
+    /// Returns whether a type is a cooperative vector (`SPV_NV_cooperative_vector`), which is a
+    /// [`Type::Vector`] of any number of components.
+    #[doc(hidden)]
+    pub fn is_cooperative_vector(&self, ty: TypeId) -> bool {
+        /// `CooperativeVectorNV`
+        const COOPERATIVE_VECTORS: u32 = 5394;
+        !self.vector_counts.is_empty()
+            && self.vector_counts.binary_search_by_key(&ty, |&(ty, _)| ty).is_ok()
+            && self.capabilities.contains(&COOPERATIVE_VECTORS)
+    }
+
+    /// The operands of a cooperative matrix type. The type itself is a [`Type::Vector`] of the
+    /// components that one invocation of a subgroup has.
+    #[doc(hidden)]
+    pub fn cooperative_matrix(&self, ty: TypeId) -> Option<&CooperativeMatrix> {
+        let at = self.cooperative_matrices.binary_search_by_key(&ty, |matrix| matrix.ty);
+        self.cooperative_matrices.get(at.ok()?)
     }
 
     /// What an id defines; `None` where no known instruction defines it.

@@ -106,6 +106,32 @@ impl Type {
     }
 }
 
+/// The operands of `OpTypeCooperativeMatrixKHR` but for the component type, as ids of constants.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct CooperativeMatrix {
+    /// The type.
+    pub ty: TypeId,
+    /// The `Scope` whose invocations have the components.
+    pub scope: Id,
+    /// The number of rows.
+    pub rows: Id,
+    /// The number of columns.
+    pub columns: Id,
+    /// The `Cooperative Matrix Use`.
+    pub usage: Id,
+}
+
+impl CooperativeMatrix {
+    /// The smallest subgroup that holds a matrix.
+    pub const MIN_SUBGROUP_SIZE: u32 = 8;
+
+    /// The components for which each invocation has room: those of one in the smallest subgroup.
+    pub fn components_of_invocation(rows: u64, columns: u64) -> u32 {
+        let each = rows.saturating_mul(columns).div_ceil(Self::MIN_SUBGROUP_SIZE.into());
+        u32::try_from(each).unwrap_or(u32::MAX)
+    }
+}
+
 /// The operands of `OpTypeImage`, numbers as in the specification.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ImageType {

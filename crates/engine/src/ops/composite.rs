@@ -45,7 +45,13 @@ pub fn translate(translator: &mut Translator<'_>, instruction: &Instruction) -> 
             let ty = translator.result_type(instruction)?;
             // Before its words are listed: a few operands may make more than there can be.
             translator.word_count(ty)?;
-            check_constituents(translator, ty, translator.operands(instruction), true)?;
+            let constituents = translator.operands(instruction);
+            check_constituents(translator, ty, constituents, true)?;
+            if let (Some(_), &[part]) = (translator.module.cooperative_matrix(ty), constituents) {
+                let words = replicate(translator, ty, crate::module::Id(part))?;
+                translator.define_result(instruction, words);
+                return Ok(true);
+            }
             let mut words = Words::new();
             for &id in translator.operands(instruction) {
                 words.extend(translator.words(crate::module::Id(id))?);
@@ -90,7 +96,15 @@ pub fn translate(translator: &mut Translator<'_>, instruction: &Instruction) -> 
                 Type::Vector { component, .. } => Some(component),
                 _ => None,
             };
-            let parts = array::map([translator.type_of(a)?, translator.type_of(b)?, ty], component);
+            let types = [translator.type_of(a)?, translator.type_of(b)?, ty];
+            let module = translator.module;
+            let is_cooperative =
+                |ty: &TypeId| module.is_cooperative_vector(*ty) || module.cooperative_matrix(*ty).is_some();
+            if types.iter().any(is_cooperative) {
+                let message = "OpVectorShuffle is not defined for cooperative vectors and matrices";
+                return Err(translator.invalid(message).note("SPV_NV_cooperative_vector, 2.2.2"));
+            }
+            let parts = array::map(types, component);
             if parts[0].is_none() || parts.iter().any(|&part| part != parts[0]) {
                 return Err(translator.invalid(
                     "the operands and the result of a shuffle must be vectors of one component type",
@@ -328,13 +342,17 @@ pub fn check_constituents(
     let types = ids.iter().map(|&id| translator.module.type_of(crate::module::Id(id)));
     let is = |found: Option<TypeId>, part: TypeId| found.is_none_or(|found| found == part);
     let fits = match *translator.module.ty(ty) {
+        // Its one constituent is the value of all components.
+        Type::Vector { component, .. } if translator.module.cooperative_matrix(ty).is_some() => {
+            ids.len() == 1 && types.into_iter().all(|found| is(found, component))
+        }
         Type::Vector { component, count } => {
             let parts: Vec<Option<TypeId>> = types.collect();
             let part = |found: Option<TypeId>| match found.map(|found| translator.module.ty(found)) {
                 Some(&Type::Vector { component, count }) if flattens_vectors => (Some(component), count),
                 _ => (found, 1),
             };
-            parts.len() > 1
+            parts.len() > usize::from(count > 1)
                 && parts.iter().all(|&found| is(part(found).0, component))
                 && parts.iter().map(|&found| u64::from(part(found).1)).sum::<u64>() == u64::from(count)
         }

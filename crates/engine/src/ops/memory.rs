@@ -728,12 +728,20 @@ impl OutOfBoundsAccess<'_> {
 
     /// Loads the scalars: each that lies outside is 0, or drawn.
     fn load<const W: usize>(self, registers: &mut Registers<W>, lane: usize, to: Reg, chunk: &Chunk) {
-        let mut random = self.drawn.map(Random::new);
+        let mut load = self.loads(chunk.width);
         for scalar in 0..chunk.count {
-            let inside = self.inside(u64::from(scalar * (chunk.width / 8)), chunk.width);
-            let word = inside.and_then(|(buffer, offset)| buffer.load(offset, chunk.width));
-            let word = word.or_else(|| self.elsewhere(random.as_mut()?, chunk.width));
-            registers[to.plus(scalar)].0[lane] = word.unwrap_or(0);
+            registers[to.plus(scalar)].0[lane] = load(u64::from(scalar * (chunk.width / 8)));
+        }
+    }
+
+    /// Returns a function that loads the scalar at so many bytes into the access: one that lies
+    /// outside is 0, or drawn.
+    pub(super) fn loads(self, width: u32) -> impl FnMut(u64) -> u32 {
+        let mut random = self.drawn.map(Random::new);
+        move |at| {
+            let inside = self.inside(at, width);
+            let word = inside.and_then(|(buffer, offset)| buffer.load(offset, width));
+            word.or_else(|| self.elsewhere(random.as_mut()?, width)).unwrap_or(0)
         }
     }
 
@@ -743,6 +751,13 @@ impl OutOfBoundsAccess<'_> {
         let bytes = u64::from(width / 8);
         let count = self.size / bytes;
         (count > 0).then(|| self.buffer.load(self.start + random.below(count) * bytes, width))?
+    }
+
+    /// Stores the scalar at so many bytes into the access, unless it lies outside.
+    pub(super) fn store_scalar(&self, at: u64, width: u32, word: u32) {
+        if let Some((buffer, offset)) = self.inside(at, width) {
+            buffer.store(offset, width, word);
+        }
     }
 
     /// Stores the scalars, except those that lie outside.

@@ -9,8 +9,8 @@
 //!   `atomic`, `barrier`, `bit`, `composite`, `conversion`, `derivative`, `image`, `linear_algebra`
 //!   (sums of products), `memory` with `load_store`, `pointer`, `address` and `untyped_pointer`,
 //!   `relational_logical`, `subgroup`, and `constant` for `OpSpecConstantOp`.
-//! * Extensions and extended instruction sets: `amd`, `debug_printf`, `float_controls`, `glsl`,
-//!   `hit_object`, `integer_functions`, `ray_query`, `ray_tracing`.
+//! * Extensions and extended instruction sets: `amd`, `cooperative`, `debug_printf`,
+//!   `float_controls`, `glsl`, `hit_object`, `integer_functions`, `ray_query`, `ray_tracing`.
 //! * `irregular`: instructions of several sections that are made of lane kernels, but not
 //!   componentwise.
 //! * What the others share: the translator ([`translate`]), which turns ids into registers, so that
@@ -34,6 +34,7 @@ pub mod builtin;
 pub mod composite;
 pub mod constant;
 pub mod conversion;
+pub mod cooperative;
 pub mod debug_printf;
 pub mod derivative;
 pub mod dot_product;
@@ -157,6 +158,7 @@ pub fn translate_instruction(translator: &mut Translator<'_>, instruction: &Inst
         || derivative::translate(translator, instruction)?
         || atomic::translate(translator, instruction)?
         || barrier::translate(translator, instruction)?
+        || cooperative::translate(translator, instruction)?
         || linear_algebra::translate(translator, instruction)?
         || irregular::translate(translator, instruction)?
         || ray_tracing::translate(translator, instruction)?

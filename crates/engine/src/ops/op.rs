@@ -3,11 +3,14 @@
 use crate::machine::object::ObjectRef;
 use crate::machine::stop::RegSpan;
 use crate::machine::{Batch, Bindings, Reg};
+use crate::module::ty::CooperativeMatrix;
 use crate::ops::access::{Access, ComputedRegisters, OperandKind, RegCopy};
 use crate::ops::heap_descriptor::HeapDescriptor;
 use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::ops::shared_access::{SharedPart, SharedUse, SharedVisitor};
-use crate::ops::{atomic, debug_printf, hit_object, image, memory, ray_query, ray_tracing, subgroup};
+use crate::ops::{
+    atomic, cooperative, debug_printf, hit_object, image, memory, ray_query, ray_tracing, subgroup,
+};
 
 /// One operation on registers.
 #[derive(Clone, Debug, PartialEq)]
@@ -29,6 +32,8 @@ pub enum Op {
     Atomic(Box<atomic::AtomicOp>),
     /// Subgroup instructions.
     Subgroup(Box<subgroup::SubgroupOp>),
+    /// Products of cooperative vectors, and operations on cooperative matrices.
+    Cooperative(Box<cooperative::CooperativeOp>),
     /// `DebugPrintf` and `OpAbortKHR`.
     Print(debug_printf::PrintOp),
     /// Image instructions.
@@ -74,6 +79,7 @@ impl Op {
             Self::HeapDescriptor(op) => op.accesses(&mut visit),
             Self::Atomic(op) => op.accesses(&mut visit),
             Self::Subgroup(op) => op.accesses(&mut visit),
+            Self::Cooperative(op) => op.accesses(&mut visit),
             Self::Print(op) => op.accesses(&mut visit),
             Self::Image(op) => op.accesses(&mut visit),
             Self::RayQuery(op) => op.accesses(&mut visit),
@@ -98,6 +104,10 @@ impl Op {
                 let part = bytes.or_else(|| op.texel().map(SharedPart::Texel));
                 part.into_iter().for_each(|part| visit(SharedUse::Update(op.update()), part));
             }
+            Self::Cooperative(op) => {
+                let used = op.shared_use();
+                op.chunk().into_iter().for_each(|chunk| visit(used, SharedPart::Bytes(chunk)));
+            }
             Self::Image(op) => op.shared_accesses(visit),
             _ => {}
         }
@@ -108,6 +118,7 @@ impl Op {
         match self {
             Self::Memory(op) => op.chunk(),
             Self::Atomic(op) => op.chunk(),
+            Self::Cooperative(op) => op.chunk(),
             _ => None,
         }
     }
@@ -259,7 +270,19 @@ impl Op {
 
     /// Whether the operation needs the other invocations of its subgroup.
     pub fn needs_subgroup(&self) -> bool {
-        matches!(self, Self::Subgroup(_))
+        match self {
+            Self::Subgroup(_) => true,
+            Self::Cooperative(op) => op.needs_subgroup(),
+            _ => false,
+        }
+    }
+
+    /// The least number of invocations in a subgroup that the operation needs.
+    pub fn min_subgroup_size(&self) -> u32 {
+        match self {
+            Self::Cooperative(op) if op.needs_subgroup() => CooperativeMatrix::MIN_SUBGROUP_SIZE,
+            _ => 1,
+        }
     }
 
     /// Whether the operation gives the device address of a shader record.
@@ -341,6 +364,7 @@ impl Op {
             Self::HeapDescriptor(op) => op.eval(batch),
             Self::Atomic(op) => op.eval(batch, bindings),
             Self::Subgroup(op) => op.eval(batch),
+            Self::Cooperative(op) => op.eval(batch, bindings),
             Self::Print(op) => op.eval(batch, bindings),
             Self::Image(op) => op.eval(batch, bindings),
             Self::RayQuery(op) => op.eval(batch, bindings),

@@ -11,7 +11,7 @@ mod rules;
 use std::borrow::Cow;
 
 use crate::module::names::ext_inst_name;
-use crate::module::ty::{Type, TypeId};
+use crate::module::ty::{CooperativeMatrix, Type, TypeId};
 use crate::module::{Definition, Id, Instruction, Module, Opcode};
 use crate::ops::translate::Translator;
 use anyhit_base::error::Result;
@@ -128,6 +128,7 @@ pub fn check(translator: &Translator<'_>, instruction: &Instruction) -> Result<(
             (rule, operands, InstructionName::Opcode(opcode))
         }
     };
+    check_cooperative(translator, instruction, operands, name)?;
     let mut checker = PositionChecker { translator, name, types: [None; MAX_POSITIONS], count: 0 };
     if rule.result != TypeConstraint::Any {
         let ty = translator.result_type(instruction)?;
@@ -150,6 +151,54 @@ pub fn check(translator: &Translator<'_>, instruction: &Instruction) -> Result<(
     Ok(())
 }
 
+/// Rejects cooperative vectors and matrices in instructions that take other vectors only, and
+/// conversions between matrices of different shapes.
+fn check_cooperative(
+    translator: &Translator<'_>,
+    instruction: &Instruction,
+    operands: &[u32],
+    name: InstructionName<'_>,
+) -> Result<()> {
+    let module = translator.module;
+    if module.vector_counts.is_empty() && module.cooperative_matrices.is_empty() {
+        return Ok(());
+    }
+    let number = name.number();
+    let result = instruction.result_type.and_then(|id| module.type_with_id(id));
+    for ty in operands.iter().filter_map(|&id| module.type_of(Id(id))).chain(result) {
+        let refused = |what: &str, extension: &str| {
+            let (name, ty) = (name.text(), module.describe_type(ty));
+            let message = format!("{name} is not defined for cooperative {what}, such as {ty}");
+            Err(translator.invalid(message).note(extension.to_owned()))
+        };
+        if module.is_cooperative_vector(ty) && !rules::takes_cooperative_vectors(number) {
+            return refused("vectors", "SPV_NV_cooperative_vector");
+        }
+        let Some(matrix) = module.cooperative_matrix(ty) else { continue };
+        if !rules::takes_cooperative_matrices(number) {
+            return refused("matrices", "SPV_KHR_cooperative_matrix");
+        }
+        // SPV_NV_cooperative_matrix2 converts between uses, too.
+        let converts_use = module.capabilities.contains(&CONVERSIONS);
+        let shape = |matrix: &CooperativeMatrix| {
+            let CooperativeMatrix { scope, rows, columns, usage, .. } = *matrix;
+            [scope, rows, columns, if converts_use { scope } else { usage }].map(|id| module.scalar_value(id))
+        };
+        // The result of a composite's part is no matrix.
+        if let Some(own) = result.filter(|&own| own != ty)
+            && module.cooperative_matrix(own).is_none_or(|own| shape(own) != shape(matrix))
+        {
+            let (name, own, ty) = (name.text(), module.describe_type(own), module.describe_type(ty));
+            let message = format!("{name} from {ty} to {own}, which differ in scope, shape or use");
+            return Err(translator.invalid(message).note("SPV_KHR_cooperative_matrix, 3.42.11"));
+        }
+    }
+    Ok(())
+}
+
+/// `CooperativeMatrixConversionsNV`
+const CONVERSIONS: u32 = 5431;
+
 /// Section of a specification about the operands of an instruction.
 fn section_of(name: InstructionName<'_>) -> String {
     let text = name.text();
@@ -170,6 +219,14 @@ enum InstructionName<'m> {
 }
 
 impl InstructionName<'_> {
+    /// The opcode, or the number in `GLSL.std.450`.
+    fn number(self) -> rules::Numbered {
+        match self {
+            Self::Opcode(opcode) => rules::Numbered::Core(opcode),
+            Self::Extended { number, .. } => rules::Numbered::Glsl(number),
+        }
+    }
+
     fn text(self) -> Cow<'static, str> {
         match self {
             Self::Opcode(opcode) => opcode.to_string().into(),

@@ -17,8 +17,9 @@ use crate::module::names::{builtin_name, ext_inst_name, storage_class_name};
 use crate::module::{Definition, Id, Instruction, Module, Opcode};
 use crate::ops::lane_kernel::{InstructionSet, family};
 use crate::ops::{
-    address, amd, atomic, barrier, builtin, composite, derivative, dot_product, heap, hit_object, image,
-    irregular, linear_algebra, mixed_dot_product, pointer, ray_query, ray_tracing, subgroup, untyped_pointer,
+    address, amd, atomic, barrier, builtin, composite, cooperative, derivative, dot_product, heap,
+    hit_object, image, irregular, linear_algebra, mixed_dot_product, pointer, ray_query, ray_tracing,
+    subgroup, untyped_pointer,
 };
 
 /// Whether something of SPIR-V runs.
@@ -238,6 +239,8 @@ fn section_of(op: Opcode) -> Option<&'static str> {
         ("arithmetic", dot_product::OPCODES),
         ("arithmetic", mixed_dot_product::OPCODES),
         ("linear algebra", linear_algebra::OPCODES),
+        ("cooperative vectors", cooperative::OPCODES),
+        ("cooperative matrices", cooperative::MATRIX_OPCODES),
         ("images", image::OPCODES),
         ("images", image::processing::OPCODES),
         ("ray tracing", ray_tracing::OPCODES),

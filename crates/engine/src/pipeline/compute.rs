@@ -13,6 +13,7 @@ use crate::machine::{
 use crate::math::array;
 use crate::math::permutation::Permutation;
 use crate::ops::lane_kernel::{LaneKernel, Width};
+use crate::ops::op::Op;
 use crate::pipeline::order::{GroupOrder, OrderMatters};
 use crate::pipeline::run_options::{BatchWidth, RunOptions};
 use crate::pipeline::single_shader::Ended;
@@ -169,6 +170,13 @@ impl Compute {
         check_subgroup_size(size)?;
         if self.layout.derivatives.is_some() && size < 4 {
             let message = format!("derivatives require quads, but a subgroup has only {size} invocations");
+            return Err(Error::new(ErrorKind::InvalidArgument, message));
+        }
+        let least = self.program.ops.iter().map(Op::min_subgroup_size).max().unwrap_or(1);
+        if size < least {
+            let message = format!(
+                "cooperative matrices require subgroups of at least {least} invocations, but a subgroup has only {size}"
+            );
             return Err(Error::new(ErrorKind::InvalidArgument, message));
         }
         Ok(Self { subgroup_size: size, ..self })

@@ -9,6 +9,8 @@ use crate::sanitizer::Sanitizer;
 use crate::unwritten::UnwrittenPart;
 use anyhit_engine::machine::{Batch, Bindings, Mask, Reg, ShadowRegisters};
 use anyhit_engine::ops::atomic::{AtomicOp, AtomicTarget};
+use anyhit_engine::ops::cooperative::VectorProduct;
+use anyhit_engine::ops::cooperative::matrix::MatrixAccess;
 use anyhit_engine::ops::image::ImageOp;
 use anyhit_engine::ops::image::reader::LaneReader;
 use anyhit_engine::ops::image::sample::SampleKind;
@@ -41,6 +43,29 @@ pub(crate) fn load<const W: usize>(
     }
 }
 
+/// A product of a matrix in a buffer has run: all of its result is undefined where one component
+/// of the matrix is.
+pub(crate) fn product<const W: usize>(
+    sanitizer: &mut Sanitizer<'_>,
+    batch: &Batch<W>,
+    bindings: &Bindings,
+    shadow: &mut ShadowRegisters<W>,
+    place: OpPlace,
+    product: &VectorProduct,
+) {
+    let chunk = &product.matrix;
+    for lane in buffer_lanes(sanitizer, batch, chunk).lanes() {
+        let Some((buffer, offset)) = access_location(batch, lane, bindings, chunk) else { continue };
+        let mut lines = product.lines_in_memory(&batch.registers, lane);
+        let found = lines.find_map(|(at, bytes)| sanitizer.unwritten.byte(buffer, offset + at, bytes));
+        if let Some(part) = found {
+            let byte = part.at as u64 - buffer.offset();
+            let cause = unwritten_byte(sanitizer, batch, lane, place, chunk, (part, byte));
+            shadow.undefine_span(product.to, product.rows, Mask::lane(lane), cause);
+        }
+    }
+}
+
 /// A store has run.
 pub(crate) fn store<const W: usize>(
     sanitizer: &mut Sanitizer<'_>,
@@ -51,6 +76,22 @@ pub(crate) fn store<const W: usize>(
     for lane in buffer_lanes(sanitizer, batch, chunk).lanes() {
         if let Some((buffer, offset)) = access_location(batch, lane, bindings, chunk) {
             sanitizer.unwritten.write_bytes(buffer, offset, chunk.width / 8 * chunk.count);
+        }
+    }
+}
+
+/// A store of a matrix has run: each of its components is written.
+pub(crate) fn store_matrix<const W: usize>(
+    sanitizer: &mut Sanitizer<'_>,
+    batch: &Batch<W>,
+    bindings: &Bindings,
+    access: &MatrixAccess,
+) {
+    for lane in buffer_lanes(sanitizer, batch, &access.memory).lanes() {
+        if let Some((buffer, offset)) = access_location(batch, lane, bindings, &access.memory) {
+            for (at, bytes) in access.components_in_memory(&batch.registers, lane) {
+                sanitizer.unwritten.write_bytes(buffer, offset + at, bytes);
+            }
         }
     }
 }

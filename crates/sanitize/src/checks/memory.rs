@@ -111,7 +111,7 @@ fn store<const W: usize>(
 }
 
 /// Looks for races of a load or store.
-fn access_buffer<const W: usize>(
+pub(crate) fn access_buffer<const W: usize>(
     sanitizer: &mut Sanitizer<'_>,
     batch: &Batch<W>,
     bindings: &Bindings,
@@ -126,7 +126,7 @@ fn access_buffer<const W: usize>(
 }
 
 /// The location of an access must not be undefined.
-fn depend_on_location<const W: usize>(
+pub(crate) fn depend_on_location<const W: usize>(
     sanitizer: &mut Sanitizer<'_>,
     batch: &Batch<W>,
     shadow: &mut ShadowRegisters<W>,

@@ -40,6 +40,28 @@ const ELSEWHERE: &[(&str, &[&str])] = &[
             "CopyMemorySized",
         ],
     ),
+    (
+        "cooperative_matrices.rs",
+        &[
+            "CooperativeMatrixLoadKHR",
+            "CooperativeMatrixStoreKHR",
+            "CooperativeMatrixMulAddKHR",
+            "CooperativeMatrixLengthKHR",
+            "CooperativeMatrixConvertNV",
+            "CooperativeMatrixTransposeNV",
+        ],
+    ),
+    (
+        "cooperative_vectors.rs",
+        &[
+            "CooperativeVectorLoadNV",
+            "CooperativeVectorStoreNV",
+            "CooperativeVectorMatrixMulNV",
+            "CooperativeVectorMatrixMulAddNV",
+            "CooperativeVectorOuterProductAccumulateNV",
+            "CooperativeVectorReduceSumAccumulateNV",
+        ],
+    ),
     ("float_encodings.rs", &["FDot2MixAcc32VALVE", "FDot2MixAcc16VALVE", "FDot4MixAcc32VALVE"]),
     (
         "operand_types/matrices.rs",
@@ -111,6 +133,7 @@ const NO_NUMBERS: &[(&str, &[&str])] = &[
             "ConstantCompositeReplicateEXT",
             "SpecConstantCompositeReplicateEXT",
             "TypeVectorIdEXT",
+            "TypeCooperativeMatrixKHR",
             "DecorateString",
             "MemberDecorateString",
         ],

@@ -23,6 +23,110 @@ pub(super) const fn rule(result: TypeConstraint, operands: &'static [TypeConstra
     OperandTypeRule { result, operands }
 }
 
+/// An instruction of the core, or of `GLSL.std.450`.
+#[derive(Clone, Copy)]
+pub(super) enum Numbered {
+    Core(Opcode),
+    Glsl(u32),
+}
+
+/// Whether an instruction that has a rule may have cooperative vectors as operands
+/// (`SPV_NV_cooperative_vector`, sections 3.42.11 to 3.42.14).
+pub(super) fn takes_cooperative_vectors(instruction: Numbered) -> bool {
+    match instruction {
+        Numbered::Core(opcode) => matches!(
+            opcode,
+            Opcode::ConvertFToU
+                | Opcode::ConvertFToS
+                | Opcode::ConvertSToF
+                | Opcode::ConvertUToF
+                | Opcode::UConvert
+                | Opcode::SConvert
+                | Opcode::FConvert
+                | Opcode::SNegate
+                | Opcode::FNegate
+                | Opcode::IAdd
+                | Opcode::FAdd
+                | Opcode::ISub
+                | Opcode::FSub
+                | Opcode::FMul
+                | Opcode::IMul
+                | Opcode::FDiv
+                | Opcode::SDiv
+                | Opcode::UDiv
+                | Opcode::VectorTimesScalar
+                | Opcode::ShiftRightLogical
+                | Opcode::ShiftRightArithmetic
+                | Opcode::ShiftLeftLogical
+                | Opcode::BitwiseOr
+                | Opcode::BitwiseXor
+                | Opcode::BitwiseAnd
+                | Opcode::Not
+                | Opcode::Select
+                | Opcode::CopyObject
+                | Opcode::FreezeKHR
+                | Opcode::VectorExtractDynamic
+                | Opcode::VectorInsertDynamic
+        ),
+        Numbered::Glsl(number) => matches!(
+            G::from_u32(number),
+            Some(
+                G::FMin
+                    | G::UMin
+                    | G::SMin
+                    | G::NMin
+                    | G::FMax
+                    | G::UMax
+                    | G::SMax
+                    | G::NMax
+                    | G::FClamp
+                    | G::UClamp
+                    | G::SClamp
+                    | G::NClamp
+                    | G::Step
+                    | G::Exp
+                    | G::Log
+                    | G::Tanh
+                    | G::Atan
+                    | G::Fma
+            )
+        ),
+    }
+}
+
+/// Whether an instruction that has a rule may have cooperative matrices as operands
+/// (`SPV_KHR_cooperative_matrix`, sections 3.42.11 to 3.42.13).
+pub(super) fn takes_cooperative_matrices(instruction: Numbered) -> bool {
+    match instruction {
+        Numbered::Core(opcode) => matches!(
+            opcode,
+            Opcode::ConvertFToU
+                | Opcode::ConvertFToS
+                | Opcode::ConvertSToF
+                | Opcode::ConvertUToF
+                | Opcode::UConvert
+                | Opcode::SConvert
+                | Opcode::FConvert
+                | Opcode::SNegate
+                | Opcode::FNegate
+                | Opcode::IAdd
+                | Opcode::FAdd
+                | Opcode::ISub
+                | Opcode::FSub
+                | Opcode::FMul
+                | Opcode::IMul
+                | Opcode::FDiv
+                | Opcode::SDiv
+                | Opcode::UDiv
+                | Opcode::MatrixTimesScalar
+                | Opcode::Select
+                | Opcode::CopyObject
+                | Opcode::FreezeKHR
+        ),
+        Numbered::Glsl(_) => false,
+    }
+}
+
 static FLOAT_UNARY: OperandTypeRule = rule(OfKind(FLOAT), &[SameAs(0)]);
 static FLOAT_BINARY: OperandTypeRule = rule(OfKind(FLOAT), &[SameAs(0), SameAs(0)]);
 static FLOAT_TERNARY: OperandTypeRule = rule(OfKind(FLOAT), &[SameAs(0), SameAs(0), SameAs(0)]);

@@ -10,7 +10,7 @@ use crate::ops::{arithmetic, bit, conversion, integer_functions, relational_logi
 pub(super) const GRAPHICS: &str = "graphics stages";
 pub(super) const MESH: &str = "mesh stages";
 pub(super) const KERNELS: &str = "kernels";
-pub(super) const COOPERATIVE: &str = "cooperative vectors and matrices";
+pub(super) const COOPERATIVE: &str = "other instructions of cooperative matrices";
 pub(super) const TENSORS: &str = "tensors";
 pub(super) const MICROMAPS: &str = "displacement micromaps";
 /// SPIR-V 3.3.10: "Instruction reserved for future use. Use of this instruction is invalid."
@@ -79,6 +79,7 @@ pub(super) const READ_BY_MODULE_AND_PROGRAM: Groups<Opcode> = &[
             Opcode::TypeFloat,
             Opcode::TypeVector,
             Opcode::TypeVectorIdEXT,
+            Opcode::TypeCooperativeMatrixKHR,
             Opcode::TypeMatrix,
             Opcode::TypeImage,
             Opcode::TypeSampler,
@@ -265,15 +266,11 @@ pub(super) const OUT_OF_SCOPE_CAPABILITIES: Groups<Capability> = &[
     (
         COOPERATIVE,
         &[
-            Capability::CooperativeMatrixKHR,
             Capability::CooperativeMatrixNV,
             Capability::CooperativeMatrixConversionQCOM,
-            Capability::CooperativeMatrixConversionsNV,
             Capability::CooperativeMatrixReductionsNV,
             Capability::CooperativeMatrixTensorAddressingNV,
             Capability::CooperativeMatrixPerElementOperationsNV,
-            Capability::CooperativeVectorNV,
-            Capability::CooperativeVectorTrainingNV,
         ],
     ),
     (TENSORS, &[Capability::TensorsARM, Capability::GraphARM, Capability::TensorAddressingNV]),

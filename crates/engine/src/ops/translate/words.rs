@@ -142,11 +142,16 @@ impl Translator<'_> {
                 let ids: Vec<u32> = parts.iter().map(|part| part.0).collect();
                 self.word_count(constant.ty)?;
                 crate::ops::composite::check_constituents(self, constant.ty, &ids, false)?;
-                let mut words = Words::new();
-                for part in parts {
-                    words.extend(self.words(part)?);
+                match (self.module.cooperative_matrix(constant.ty), &parts[..]) {
+                    (Some(_), &[part]) => crate::ops::composite::replicate(self, constant.ty, part),
+                    _ => {
+                        let mut words = Words::new();
+                        for part in parts {
+                            words.extend(self.words(part)?);
+                        }
+                        Ok(words)
+                    }
                 }
-                Ok(words)
             }
             ConstantValue::Data(bytes) => self.data_words(constant.ty, &bytes),
             ConstantValue::Undef if !self.optimizes => self.undefined_constant(constant.id, constant.ty),
