@@ -17,6 +17,7 @@ mod clock;
 mod figure;
 mod frames;
 mod growth;
+mod networks;
 mod ready;
 mod scenes;
 mod synthetic;
@@ -40,6 +41,7 @@ fn main() {
     let mut table = Table::new(full, wanted);
     traverse::run(&mut table);
     frames::run(&mut table);
+    networks::run(&mut table);
     threads::run(&table);
     ready::run(&mut table);
     growth::run(&table);
