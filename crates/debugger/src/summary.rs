@@ -64,18 +64,27 @@ fn wrote(transcript: &Transcript) -> String {
         transcript.writes.iter().filter(|write| write.before != write.after).collect();
     let more = (changed.len() + transcript.writes_left_out).saturating_sub(1) as u64;
     let Some(first) = changed.first() else { return "no changed value".to_owned() };
-    let at = match (first.at, &first.member) {
-        (ChangeLocation::Texel([x, y, 0]), _) => format!("{} texel ({x}, {y})", first.resource),
-        (ChangeLocation::Texel([x, y, z]), _) => format!("{} texel ({x}, {y}, {z})", first.resource),
-        // A member's path begins with the name of its buffer in the shader.
-        (ChangeLocation::Byte(_), Some(member)) => member.clone(),
-        (ChangeLocation::Byte(offset), None) => format!("{} byte {offset}", first.resource),
-    };
+    let at = place(first);
     let more = match more {
         0 => String::new(),
         more => format!(", and {} more", with_plural(more, "change")),
     };
     format!("{at}: {} -> {}{more}", first.before, first.after.content)
+}
+
+/// The resource and the place in it. The path of a member names its buffer, except in a block that
+/// naga makes of an array or a scalar, whose member has no name.
+fn place(change: &MemoryChange) -> String {
+    let resource = &change.resource;
+    match (change.at, &change.member) {
+        (ChangeLocation::Texel([x, y, 0]), _) => format!("{resource} texel ({x}, {y})"),
+        (ChangeLocation::Texel([x, y, z]), _) => format!("{resource} texel ({x}, {y}, {z})"),
+        (ChangeLocation::Byte(_), Some(path)) if path.is_empty() || path.starts_with(['[', '.']) => {
+            format!("{resource}{path}")
+        }
+        (ChangeLocation::Byte(_), Some(path)) => path.clone(),
+        (ChangeLocation::Byte(offset), None) => format!("{resource} byte {offset}"),
+    }
 }
 
 fn ran(transcript: &Transcript) -> String {
@@ -94,6 +103,7 @@ fn ran(transcript: &Transcript) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use anyhit_engine::reflect::value::{TypedValue, ValueContent};
 
     #[test]
     fn a_count_of_one_has_no_plural() {
@@ -101,5 +111,29 @@ mod tests {
         assert_eq!(with_plural(0, "ray"), "0 rays");
         assert_eq!(counts(&[]), "");
         assert_eq!(fate(&[], None), "no ray was traced");
+    }
+
+    #[test]
+    fn a_place_names_the_buffer() {
+        let value = TypedValue { ty: "uint".into(), content: ValueContent::Uint(0) };
+        let of = |member: Option<&str>| {
+            let member = member.map(str::to_owned);
+            let (before, after) = (value.clone(), value.clone());
+            let at = ChangeLocation::Byte(4);
+            place(&MemoryChange {
+                resource: "sums".into(),
+                set: None,
+                binding: None,
+                at,
+                member,
+                before,
+                after,
+            })
+        };
+        assert_eq!(of(Some("values[1]")), "values[1]");
+        assert_eq!(of(Some("[1]")), "sums[1]");
+        assert_eq!(of(Some("[1].weight")), "sums[1].weight");
+        assert_eq!(of(Some("")), "sums");
+        assert_eq!(of(None), "sums byte 4");
     }
 }
