@@ -9,7 +9,8 @@ use std::time::{Duration, Instant};
 use anyhit::{
     Case, Component, ComputeTest, Descriptor, Dimension, ErrorKind, Format, GeometryFlags, Hit, Image,
     ImageShape, Instance, InstanceFlags, LaunchLimits, LoadedScene, Module, Motion, Pipeline, Program, Ray,
-    RayFlags, RayOperands, Result, Sampler, Scene, ShaderTest, StreamedImage, StructData, WarningReports,
+    RayFlags, RayOperands, Result, Sampler, Scene, SeededRuns, ShaderTest, StreamedImage, StructData,
+    WarningReports,
 };
 
 const CONVERSIONS: &str = "spirv-fixtures/pass/harness/conversions";
@@ -317,6 +318,23 @@ fn no_seed_is_no_passed_check() {
     let scene = LoadedScene::open("shaders/pass/ray-query/compute/scene.toml").unwrap();
     invalid(scene.many_seeds(0), &["the range of seeds", "many_seeds(8)"]);
     assert!(scene.many_seeds(1).unwrap().is_empty());
+}
+
+/// A finding in workgroup memory names its shader, which no file of a scene has.
+#[test]
+fn a_compute_test_finds_unwritten_workgroup_memory() {
+    let run = |name: &str| {
+        let module =
+            Module::open(format!("spirv-fixtures/many-seeds/workgroup-drawn/{name}.comp.spv")).unwrap();
+        let pixels: Vec<f32> = [1.0; 8].into_iter().chain([0.5; 3]).collect();
+        let test =
+            ComputeTest::new(&module, "main").unwrap().buffer(0, 1, &pixels[..]).buffer(0, 2, &[0.0f32; 2]);
+        test.workgroups([2, 1, 1]).many_seeds(8)
+    };
+    let error = run("broken").unwrap_err();
+    assert_eq!(error.kind(), ErrorKind::Finding);
+    assert!(error.render().contains("workgroup memory holds something else at the beginning"), "{error}");
+    assert!(run("mended").unwrap().is_empty());
 }
 
 #[test]

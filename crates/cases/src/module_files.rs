@@ -14,8 +14,9 @@ pub(crate) fn module_files(scene: &ResolvedScene, assembled: &Assembled) -> Vec<
         let path = move |at| names.module(ShaderIndex::new(at)).map(|module| module.path.to_path_buf());
         (0..pipeline.programs.len()).map(path)
     });
-    let dispatched =
-        scene.dispatches.iter().map(|entry| Some(scene.shaders[entry.shader.module].path.clone()));
+    // A dispatch of a test has a module without a file.
+    let path = |module: usize| scene.shaders.get(module).map(|shader| shader.path.clone());
+    let dispatched = scene.dispatches.iter().map(|entry| path(entry.shader.module));
     let paths = pipelines.chain(dispatched).zip(assembled.programs());
     let shown = paths.map(|(path, program)| match path {
         Some(path) => escape::path(&normalise(&path)).to_string(),
