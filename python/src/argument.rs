@@ -285,6 +285,7 @@ arguments! {
     count: usize,
     coverage: bool,
     cull_mask: u8,
+    data: Bytes,
     custom_index: u32,
     degrees: f32,
     depth: u32,

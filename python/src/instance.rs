@@ -5,11 +5,13 @@ use std::hash::{DefaultHasher, Hash, Hasher};
 use anyhit::{EndCaps, GeometryData, GeometryFlags, Indexing, InstanceFlags, Motion, RayFlags};
 use numpy::PyUntypedArrayMethods;
 use pyo3::prelude::*;
+use pyo3::types::{PyBytes, PyDict};
 
-use crate::argument::{self, Vertices};
+use crate::argument::{self, Bytes, Vertices};
 use crate::array::{copied_rows, slice, typed};
 use crate::copies::never_changes;
 use crate::error::invalid;
+use crate::pickled;
 use crate::used::Use;
 
 /// A ray: origin, direction and interval.
@@ -66,10 +68,7 @@ impl Ray {
 
     fn __hash__(&self) -> u64 {
         let mut hasher = DefaultHasher::new();
-        let anyhit::Ray { origin, direction, t_min, t_max } = self.ray;
-        // -0.0 equals 0.0.
-        let numbers = origin.into_iter().chain(direction).chain([t_min, t_max]);
-        numbers.for_each(|number| (number + 0.0).to_bits().hash(&mut hasher));
+        hash_ray(&self.ray, &mut hasher);
         hasher.finish()
     }
 
@@ -86,6 +85,20 @@ impl Ray {
     fn _repr_html_(slf: &Bound<'_, Self>) -> PyResult<String> {
         slf.py().import("anyhit._html")?.getattr("of_ray")?.call1((slf,))?.extract()
     }
+}
+
+/// Hashes the numbers of a ray; -0.0 as 0.0, which it equals.
+fn hash_ray(ray: &anyhit::Ray, hasher: &mut DefaultHasher) {
+    let anyhit::Ray { origin, direction, t_min, t_max } = *ray;
+    let numbers = origin.into_iter().chain(direction).chain([t_min, t_max]);
+    numbers.for_each(|number| (number + 0.0).to_bits().hash(hasher));
+}
+
+/// Hashes the integers of an instance and the sizes of its geometries.
+fn hash_instance(instance: &anyhit::Instance, hasher: &mut DefaultHasher) {
+    let counts = instance.geometries.iter().map(|geometry| geometry.data.primitive_count());
+    counts.for_each(|count| count.hash(hasher));
+    (instance.custom_index, instance.mask, instance.sbt_offset, instance.flags.0).hash(hasher);
 }
 
 /// Geometries of one kind each, placed in a scene.
@@ -227,6 +240,28 @@ impl Instance {
     fn flags(&self, #[pyo3(from_py_with = argument::flags)] flags: u32) -> Self {
         self.with("flags", |instance| instance.flags(InstanceFlags(flags)))
     }
+
+    fn __eq__(&self, other: &Self) -> bool {
+        self.instance == other.instance
+    }
+
+    fn __hash__(&self) -> u64 {
+        let mut hasher = DefaultHasher::new();
+        hash_instance(&self.instance, &mut hasher);
+        hasher.finish()
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, (Bound<'py, PyBytes>,))> {
+        self.used.mark();
+        let restore = py.import("anyhit._anyhit")?.getattr("_instance")?;
+        Ok((restore, (PyBytes::new(py, &pickled::to_bytes(&self.instance)?),)))
+    }
+}
+
+/// Restores a pickled instance.
+#[pyfunction]
+pub(crate) fn _instance(#[pyo3(from_py_with = argument::data)] data: Bytes) -> PyResult<Instance> {
+    Ok(Instance { instance: pickled::from_bytes(&data.0)?, used: Use::free() })
 }
 
 /// A transform: three rows of four numbers.
@@ -253,6 +288,9 @@ fn radii(given: &Bound<'_, PyAny>) -> PyResult<Vec<f32>> {
 pub(crate) struct Hit {
     pub(crate) hit: anyhit::Hit,
 }
+
+/// What a pickled hit is made of: instance, ray and keywords.
+type HitArguments<'py> = ((Instance, Option<Ray>), Bound<'py, PyDict>);
 
 #[pymethods]
 impl Hit {
@@ -310,6 +348,27 @@ impl Hit {
         #[pyo3(from_py_with = argument::ray)] ray: Ray,
     ) -> Self {
         Self { hit: anyhit::Hit::aabb(minimum, maximum).ray(ray.ray) }
+    }
+
+    fn __eq__(&self, other: &Self) -> bool {
+        self.hit == other.hit
+    }
+
+    fn __hash__(&self) -> u64 {
+        let mut hasher = DefaultHasher::new();
+        hash_instance(&self.hit.instance, &mut hasher);
+        self.hit.ray.iter().for_each(|ray| hash_ray(ray, &mut hasher));
+        (self.hit.ray_flags.0, self.hit.cull_mask).hash(&mut hasher);
+        hasher.finish()
+    }
+
+    fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<HitArguments<'py>> {
+        let instance = Instance { instance: self.hit.instance.clone(), used: Use::free() };
+        let keywords = PyDict::new(py);
+        keywords.set_item("ray_flags", self.hit.ray_flags.0)?;
+        keywords.set_item("cull_mask", self.hit.cull_mask)?;
+        keywords.set_item("time", self.hit.time)?;
+        Ok(((instance, self.hit.ray.map(|ray| Ray { ray })), keywords))
     }
 }
 

@@ -21,6 +21,7 @@ mod module;
 mod numbers;
 mod outcome;
 mod payload;
+mod pickled;
 mod pipeline;
 mod place;
 mod run;
@@ -50,11 +51,11 @@ mod _anyhit {
     #[pymodule_export]
     use crate::device_buffers::DeviceBuffers;
     #[pymodule_export]
-    use crate::instance::{Hit, Instance, Ray};
+    use crate::instance::{_instance, Hit, Instance, Ray};
     #[pymodule_export]
     use crate::loaded_scene::{LoadedScene, SceneOutcome};
     #[pymodule_export]
-    use crate::module::{EntryPoint, Module, ModuleBinding, Program};
+    use crate::module::{_program, EntryPoint, Module, ModuleBinding, Program};
     #[pymodule_export]
     use crate::outcome::{Launched, ShaderOutcome};
     #[pymodule_export]

@@ -7,6 +7,7 @@ use std::sync::Arc;
 use anyhit::{CompileOptions, DebugInfoLevel, InputLimits, NestedScalars, Source, Stage};
 use anyhit_compile::SourceWords;
 use anyhit_engine::machine::Binding;
+use anyhit_engine::module::constant::ConstantValue;
 use anyhit_engine::module::names::capability_name;
 use anyhit_engine::program::descriptors::declared;
 use anyhit_engine::reflect::lookup::{DataBlock, find_block};
@@ -302,9 +303,60 @@ impl Program {
         self.program.stage.name()
     }
 
+    /// Programs are equal where their modules, specialization constants and entry points are.
+    fn __eq__(&self, other: &Self) -> bool {
+        let of = |program: &anyhit::Program| (program.stage, program.name.clone());
+        let (module, others) = (&self.program.module, &other.program.module);
+        Arc::ptr_eq(&self.program, &other.program)
+            || of(&self.program) == of(&other.program)
+                && module.words == others.words
+                && module.constants == others.constants
+    }
+
+    fn __hash__(&self) -> u64 {
+        let mut hasher = DefaultHasher::new();
+        self.program.module.words.hash(&mut hasher);
+        (self.program.stage.name(), &self.program.name).hash(&mut hasher);
+        hasher.finish()
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, PickledProgram)> {
+        let restore = py.import("anyhit._anyhit")?.getattr("_program")?;
+        let module = Module { module: Arc::clone(&self.program.module) };
+        let mut constants = Vec::new();
+        for constant in &module.module.constants {
+            if let (Some(id), ConstantValue::Scalar(bits), true) =
+                (constant.spec_id, &constant.value, constant.specializable)
+            {
+                constants.push((id, *bits));
+            }
+        }
+        Ok((restore, (module, self.name(), self.stage(), constants)))
+    }
+
     fn __repr__(&self) -> String {
         format!("<anyhit.Program: {} {}>", self.program.stage.name(), self.program.name)
     }
+}
+
+/// What a pickled program is made of: module, entry point, stage, and the bits of its specialization
+/// constants by their `SpecId`.
+type PickledProgram = (Module, String, &'static str, Vec<(u32, u64)>);
+
+/// Restores a pickled program.
+#[pyfunction]
+pub(crate) fn _program(
+    py: Python<'_>,
+    #[pyo3(from_py_with = argument::module)] module: Module,
+    #[pyo3(from_py_with = argument::entry)] entry: String,
+    #[pyo3(from_py_with = argument::stage)] stage: String,
+    constants: Vec<(u32, u64)>,
+) -> PyResult<Program> {
+    let mut module = module;
+    for (id, bits) in constants {
+        Arc::make_mut(&mut module.module).specialize_bits(id, bits).map_err(raised)?;
+    }
+    Program::of(py, &module, &entry, Some(&stage))
 }
 
 impl Program {

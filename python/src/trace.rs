@@ -68,6 +68,28 @@ impl Traced {
         self.t.bind(py).len()
     }
 
+    /// Traces are equal where their arrays are bit for bit, and what was printed and counted.
+    fn __eq__(&self, other: &Self, py: Python<'_>) -> PyResult<bool> {
+        for (array, others) in self.arrays().into_iter().zip(other.arrays()) {
+            let (Some(array), Some(others)) = (array, others) else {
+                if array.is_some() || others.is_some() {
+                    return Ok(false);
+                }
+                continue;
+            };
+            let (array, others) = (array.bind(py), others.bind(py));
+            for part in ["dtype", "shape"] {
+                if !array.getattr(part)?.eq(others.getattr(part)?)? {
+                    return Ok(false);
+                }
+            }
+            if !array.call_method0("tobytes")?.eq(others.call_method0("tobytes")?)? {
+                return Ok(false);
+            }
+        }
+        Ok(self.printed == other.printed && self.stats.bind(py).eq(other.stats.bind(py))?)
+    }
+
     fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
         let hits: usize = self.hit.bind(py).call_method0("sum")?.extract()?;
         Ok(format!("<anyhit.Traced: {} rays, {hits} hits>", self.__len__(py)?))
@@ -75,6 +97,19 @@ impl Traced {
 
     fn _repr_html_(slf: &Bound<'_, Self>) -> PyResult<String> {
         slf.py().import("anyhit._html")?.getattr("of_traced")?.call1((slf,))?.extract()
+    }
+}
+
+impl Traced {
+    /// The arrays; `None` for the payloads where no shader takes one.
+    fn arrays(&self) -> [Option<&Py<PyAny>>; 10] {
+        let Self { hit, t, instance, custom_index, geometry, primitive, kind, attributes, positions, .. } =
+            self;
+        let all = [hit, t, instance, custom_index, geometry, primitive, kind, attributes, positions];
+        let mut arrays = [None; 10];
+        arrays[..9].copy_from_slice(&all.map(Some));
+        arrays[9] = self.payload.as_ref();
+        arrays
     }
 }
 

@@ -155,6 +155,90 @@ def test_rays_are_values() -> None:
     assert eval(repr(ray), {"Ray": anyhit.Ray, "inf": math.inf}) == ray
 
 
+def test_programs_are_values(builtins: anyhit.Module) -> None:
+    sky, again, shade = (anyhit.Program(builtins, name) for name in ("sky", "sky", "shade"))
+    other = anyhit.Program(anyhit.Module.from_source("c.wgsl", COMPUTE))
+    assert sky == again and hash(sky) == hash(again) and len({sky, again, shade, other}) == 3
+    assert sky != shade and sky != other and sky != builtins
+    for one in (sky, shade, other):
+        assert pickle.loads(pickle.dumps(one)) == one
+    unpickled = pickle.loads(pickle.dumps(sky))
+    traced = anyhit.Pipeline(miss=[unpickled]).trace(anyhit.Scene([]), [0, 0, 4], [0, 0, -1])
+    assert traced.payload["t"].tolist() == [-1]
+
+
+def instances() -> list[anyhit.Instance]:
+    """Instances that differ in one thing each."""
+    move = np.eye(3, 4, dtype=np.float32)
+    one = anyhit.Instance.triangles(TRIANGLE)
+    ball = anyhit.Instance.spheres([[0, 0, 0], [1, 2, 3]], [0.5, 0.25])
+    chain = [[0, 0, 0], [1, 0, 0], [2, 0, 0]]
+    ends = np.array([0, 1], np.uint32)
+    return [
+        *(one, ball, one.and_(ball), ball.and_(one), one.opaque(), one.geometry_flags(2), one.custom_index(7)),
+        *(one.mask(1), one.sbt_offset(3), one.flags(1), one.cluster_id(0), one.cluster_id(2**32 - 1)),
+        *(one.translate([1, 0, 0]), one.motion(move, move), one.motion(move, 2 * move), one.vertices_t1(TRIANGLE)),
+        anyhit.Instance.triangles(TRIANGLE, np.array([0, 1, 2], np.uint32)),
+        anyhit.Instance.triangles(np.zeros((0, 3), np.float32)),
+        anyhit.Instance.aabbs([[[0, 0, 0], [1, 1, 1]]]),
+        anyhit.Instance.lss(chain[:2], [1.0, 2.0]),
+        anyhit.Instance.lss(chain[:2], [1.0, 2.0], end_caps=False),
+        anyhit.Instance.lss(chain, [1.0, 2.0, 1e-45], ends),
+    ]
+
+
+def test_instances_and_hits_are_values() -> None:
+    for one, again in zip(instances(), instances()):
+        assert one == again and hash(one) == hash(again) and one != DOWN
+        assert pickle.loads(pickle.dumps(one)) == one
+    assert len(set(instances())) == len(instances())
+    zero, minus = (anyhit.Instance.spheres([[x, 0, 0]], 1.0) for x in (0.0, -0.0))
+    assert zero == minus and hash(zero) == hash(minus)
+    ball, up = anyhit.Instance.spheres([[0, 0, 0]], 0.5), anyhit.Ray([0, 0, -4], [0, 0, 1])
+    hits = [
+        *(anyhit.Hit(ball, DOWN), anyhit.Hit(ball, up), anyhit.Hit(ball.mask(1), DOWN)),
+        *(anyhit.Hit(ball, DOWN, ray_flags=1), anyhit.Hit(ball, DOWN, cull_mask=1), anyhit.Hit(ball, DOWN, time=0.5)),
+    ]
+    assert anyhit.Hit.sphere([0, 0, 0], 0.5, DOWN) == hits[0] and len(set(hits)) == len(hits)
+    for hit in hits:
+        again = pickle.loads(pickle.dumps(hit))
+        assert again == hit and hash(again) == hash(hit)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        pickle.dumps(ball.opaque())
+
+
+def test_bytes_that_are_no_pickled_instance_are_refused() -> None:
+    restore: Any
+    restore, (data,) = instances()[-1].__reduce__()
+    assert restore(data) == instances()[-1]
+    for wrong in [*(data[:end] for end in range(len(data))), data + bytes(4), b"\xff" * len(data), bytes(4) + data]:
+        with pytest.raises(anyhit.InvalidArgument, match="a pickled instance is broken"):
+            restore(wrong)
+
+
+def test_traces_are_equal_where_their_arrays_are(pipeline: anyhit.Pipeline) -> None:
+    scene = anyhit.Scene([anyhit.Instance.spheres([[0, 0, 0]], 0.5)])
+    hit, again, miss = (pipeline.trace(scene, [x, 0, 4], [0, 0, -1]) for x in (0, 0, 9))
+    # The position of a miss is not a number, of the same bits each time.
+    assert hit == again != miss and miss == pipeline.trace(scene, [9, 0, 4], [0, 0, -1])
+    assert hit != pipeline.trace(scene, np.array([[0, 0, 4]] * 2, np.float32), [0, 0, -1]) and hit != scene
+    with pytest.raises(TypeError):
+        hash(hit)
+
+
+def test_a_pickled_program_keeps_its_specialization() -> None:
+    module = anyhit.Module.open(FIXTURES / "pass/harness/conversions/types.comp.spv")
+    # The constants 3 to 5 are a uint, 5, a float, 0.5, and a bool, true.
+    default = anyhit.Program(module)
+    assert default == anyhit.Program(module, specialization={3: 5, 4: 0.5, 5: True})
+    constants: dict[int, Any]
+    for constants in ({3: 2**32 - 1}, {4: -0.25}, {5: False}, {3: 0, 4: 2.0**-149, 5: False}):
+        one = anyhit.Program(module, specialization=constants)
+        again = pickle.loads(pickle.dumps(one))
+        assert again == one != default and hash(again) == hash(one)
+
+
 def test_specialization_constants_are_set(glslang: None) -> None:
     text = """#version 460
     #extension GL_EXT_ray_tracing : require

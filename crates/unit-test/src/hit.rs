@@ -24,14 +24,24 @@ use anyhit_engine::ops::ray_rules;
 ///     .custom_index(7);
 /// let hit = Hit::of(instance).ray(Ray::new([0.0, 0.5, 4.0], [0.0, 0.0, -1.0]));
 /// ```
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 #[must_use]
 pub struct Hit {
-    instance: Instance,
-    ray: Option<Ray>,
-    ray_flags: RayFlags,
-    cull_mask: u32,
-    time: f32,
+    /// What the ray hits.
+    #[doc(hidden)]
+    pub instance: Instance,
+    /// The ray, in world space.
+    #[doc(hidden)]
+    pub ray: Option<Ray>,
+    /// `IncomingRayFlagsKHR`
+    #[doc(hidden)]
+    pub ray_flags: RayFlags,
+    /// `CullMaskKHR`
+    #[doc(hidden)]
+    pub cull_mask: u32,
+    /// `CurrentRayTimeNV`
+    #[doc(hidden)]
+    pub time: f32,
 }
 
 /// What a [`Hit`] comes to.

@@ -20,16 +20,30 @@ const IDENTITY: [[f32; 4]; 3] = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.
 ///     .translate([0.0, 0.0, -3.0])
 ///     .custom_index(7);
 /// ```
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 #[must_use]
 pub struct Instance {
-    geometries: Vec<Geometry>,
-    transform: [[f32; 4]; 3],
-    motion: Option<Motion>,
-    custom_index: u32,
-    mask: u8,
-    sbt_offset: u32,
-    flags: InstanceFlags,
+    /// The geometries, in the order of `RayGeometryIndexKHR`.
+    #[doc(hidden)]
+    pub geometries: Vec<Geometry>,
+    /// Object to world.
+    #[doc(hidden)]
+    pub transform: [[f32; 4]; 3],
+    /// Transforms at times 0 and 1.
+    #[doc(hidden)]
+    pub motion: Option<Motion>,
+    /// `InstanceCustomIndexKHR`
+    #[doc(hidden)]
+    pub custom_index: u32,
+    /// The mask that rays' cull masks are compared with.
+    #[doc(hidden)]
+    pub mask: u8,
+    /// `instanceShaderBindingTableRecordOffset`
+    #[doc(hidden)]
+    pub sbt_offset: u32,
+    /// The flags of the instance.
+    #[doc(hidden)]
+    pub flags: InstanceFlags,
 }
 
 impl Instance {
