@@ -115,6 +115,31 @@ fn nan_and_infinity_are_strings_in_json() {
     assert_eq!(found["value"], serde_json::json!([["NaN", "-inf", 0.0, 1.0]]));
 }
 
+/// 2^53 + 1 is no f64.
+#[test]
+fn integers_of_64_bits_are_printed_exactly() {
+    let texel = |name: &str, format: &str, number: i64| {
+        format!(
+            "[resources.{name}]\ntype = 'storage_image'\nbinding = {}\nformat = '{format}'\nsize = [1, 1]\n\
+             fill = [{number}]\n",
+            1 + u32::from(name == "s")
+        )
+    };
+    let more = texel("u", "r64ui", 9_007_199_254_740_993) + &texel("s", "r64i", -9_007_199_254_740_993);
+    let folder = scene(&more);
+    let output = Command::new(env!("CARGO_BIN_EXE_anyhit"))
+        .args(["run", "scene.toml", "--dump", "u=json", "--dump", "s=json", "--dump", "u"])
+        .current_dir(folder.path())
+        .output()
+        .expect("the command starts");
+    let text = String::from_utf8(output.stdout).expect("UTF-8");
+    let value = |line: &str| serde_json::from_str::<Value>(line).expect("JSON")["value"].clone();
+    let lines: Vec<&str> = text.lines().collect();
+    assert_eq!(value(lines[0]), serde_json::json!([[9_007_199_254_740_993_u64, 0, 0, 1]]), "{text}");
+    assert_eq!(value(lines[1]), serde_json::json!([[-9_007_199_254_740_993_i64, 0, 0, 1]]), "{text}");
+    assert!(text.ends_with("9007199254740993 0 0 1\n"), "{text}");
+}
+
 #[test]
 fn numbers_and_bytes_are_those_of_the_image() {
     let folder = scene("output = 'linear'");

@@ -1,6 +1,6 @@
 //! `--dump`: prints buffers by the types of the shader that uses them, images texel by texel.
 
-use std::fmt::Write as _;
+use std::fmt::{self, Write as _};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -9,6 +9,7 @@ use serde_json::json;
 use anyhit_base::error::{Error, ErrorKind, Result};
 use anyhit_base::sorted::json_object;
 use anyhit_cases::typed_scene::{programs, roots, typed};
+use anyhit_engine::machine::format::Class;
 use anyhit_engine::machine::image::Image;
 use anyhit_engine::machine::{Binding, Buffer, Descriptor, DeviceMemory, Resources};
 use anyhit_engine::ops::pointer::storage;
@@ -239,7 +240,7 @@ impl FoundDump {
         };
         if self.format == Format::Json {
             let value = match image {
-                Some(image) => texels(image).into_iter().map(|texel| texel.map(json_number)).collect(),
+                Some(image) => texels(image).into_iter().map(|texel| texel.map(TexelNumber::json)).collect(),
                 None => typed(&bytes).map_or_else(|| json!(bytes), |value| json_of(&value)),
             };
             let mut json = match self.declared_at {
@@ -283,10 +284,44 @@ fn hex(bytes: &[u8]) -> String {
     text
 }
 
+/// A component of a texel: integers of 64 bits are not rounded.
+#[derive(Clone, Copy)]
+enum TexelNumber {
+    Float(f32),
+    Signed(i64),
+    Unsigned(u64),
+}
+
+impl TexelNumber {
+    fn json(self) -> serde_json::Value {
+        match self {
+            Self::Float(number) => json_number(number.into()),
+            Self::Signed(number) => json!(number),
+            Self::Unsigned(number) => json!(number),
+        }
+    }
+}
+
+impl fmt::Display for TexelNumber {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Float(number) => write!(f, "{}", f64::from(*number)),
+            Self::Signed(number) => write!(f, "{number}"),
+            Self::Unsigned(number) => write!(f, "{number}"),
+        }
+    }
+}
+
 /// The texels of an image in the order of its memory.
-fn texels(image: &Image) -> Vec<[f64; 4]> {
-    let count = image.bytes().len() / image.format().texel_size() as usize;
-    (0..count).map(|at| image.format().decode_numbers(image.load(at))).collect()
+fn texels(image: &Image) -> Vec<[TexelNumber; 4]> {
+    let format = image.format();
+    let count = image.bytes().len() / format.texel_size() as usize;
+    let number = |part: u64| match format.class() {
+        Class::Float => TexelNumber::Float(f32::from_bits(part as u32)),
+        Class::Sint => TexelNumber::Signed(part as i64),
+        Class::Uint => TexelNumber::Unsigned(part),
+    };
+    (0..count).map(|at| format.decode(image.load(at)).map(number)).collect()
 }
 
 /// A member a line, an element of an array of structs a line.
