@@ -19,7 +19,7 @@ enable wgpu_ray_tracing_pipeline;
 struct Payload { t: f32 }
 var<incoming_ray_payload> payload: Payload;
 @closest_hit @incoming_payload(payload)
-fn shade(@builtin(ray_t_current_max) t: f32) { payload.t = t; }
+fn main(@builtin(ray_t_current_max) t: f32) { payload.t = t; }
 """
 COMPUTE = """
 @group(0) @binding(0) var<storage, read_write> numbers: array<f32>;
