@@ -1,4 +1,4 @@
-//! MatrixComponent types of cooperative vectors and matrices, and conversions of many values at once.
+//! Component types of cooperative vectors and matrices, and conversions of many values at once.
 //!
 //! Arithmetic uses *wide* words: the bits of an f32 for a float, 32 bits of two's complement for an
 //! integer. Every 8- and 16-bit component is exact in its wide word.

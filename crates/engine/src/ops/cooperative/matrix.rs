@@ -1,6 +1,6 @@
 //! Cooperative matrices in the registers of a subgroup, and how their operations run.
 //!
-//! MatrixComponent (row, column) has the number e = row * columns + column. In a subgroup of S
+//! Component (row, column) has the number e = row * columns + column. In a subgroup of S
 //! invocations it is component e / S of invocation e % S.
 
 use smallvec::SmallVec;
