@@ -339,8 +339,8 @@ impl Program {
     }
 }
 
-/// What a pickled program is made of: module, entry point, stage, and the bits of its specialization
-/// constants by their `SpecId`.
+/// What a pickled program is made of: module, entry point, stage, and the bits of its
+/// specialization constants by their `SpecId`.
 type PickledProgram = (Module, String, &'static str, Vec<(u32, u64)>);
 
 /// Restores a pickled program.

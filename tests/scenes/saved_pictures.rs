@@ -118,14 +118,14 @@ fn nan_and_infinity_are_strings_in_json() {
 /// 2^53 + 1 is no f64.
 #[test]
 fn integers_of_64_bits_are_printed_exactly() {
-    let texel = |name: &str, format: &str, number: i64| {
+    let image = |name: &str, binding: u32, format: &str, data: &str| {
         format!(
-            "[resources.{name}]\ntype = 'storage_image'\nbinding = {}\nformat = '{format}'\nsize = [1, 1]\n\
-             fill = [{number}]\n",
-            1 + u32::from(name == "s")
+            "[resources.{name}]\ntype = 'storage_image'\nbinding = {binding}\nformat = '{format}'\n\
+             size = [1, 1]\ndata = {{ {data} }}\n"
         )
     };
-    let more = texel("u", "r64ui", 9_007_199_254_740_993) + &texel("s", "r64i", -9_007_199_254_740_993);
+    let more = image("u", 1, "r64ui", "u64 = [9007199254740993]")
+        + &image("s", 2, "r64i", "i64 = [-9007199254740993]");
     let folder = scene(&more);
     let output = Command::new(env!("CARGO_BIN_EXE_anyhit"))
         .args(["run", "scene.toml", "--dump", "u=json", "--dump", "s=json", "--dump", "u"])

@@ -40,6 +40,7 @@ const ELSEWHERE: &[(&str, &[&str])] = &[
             "CopyMemorySized",
         ],
     ),
+    ("heaps.rs", &["BufferPointerEXT", "UntypedImageTexelPointerEXT", "ConstantSizeOfEXT"]),
     (
         "cooperative_matrices.rs",
         &[
@@ -136,6 +137,7 @@ const NO_NUMBERS: &[(&str, &[&str])] = &[
             "TypeCooperativeMatrixKHR",
             "DecorateString",
             "MemberDecorateString",
+            "MemberDecorateIdEXT",
         ],
     ),
     (
