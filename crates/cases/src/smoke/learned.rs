@@ -230,7 +230,7 @@ impl UsedMemory<'_> {
         })
     }
 
-    /// Whether there are arrays of descriptors without a length, or heaps.
+    /// Returns true if the shader declares runtime arrays of descriptors or descriptor heaps.
     fn has_runtime_descriptors(&self) -> bool {
         if self.variables.iter().any(|one| one.ty.is_none() && one.builtin.is_some()) {
             return true;

@@ -172,7 +172,7 @@ fn name_of(variable: &InterfaceVariable) -> String {
     }
 }
 
-/// What a shader asks of a binding: so many descriptors of a type.
+/// The descriptors that a shader expects at a binding.
 struct Wanted {
     place: Binding,
     /// The type of one descriptor; of a buffer that of its bytes.
@@ -182,8 +182,8 @@ struct Wanted {
     name: String,
 }
 
-/// What a program asks of the descriptor heaps: descriptors up to the index that it uses, or some
-/// where the index is computed.
+/// The descriptors that a program expects in its heaps: up to the constant index that it uses, or
+/// a default number for a computed index.
 fn wanted_in_heaps(program: &Program, scale: u32) -> Vec<Wanted> {
     let wanted = program.heap_uses().into_iter().enumerate().map(|(at, one)| {
         let place = binding(one.heap);

@@ -169,7 +169,7 @@ impl IdPlaces<'_> {
                 let unused = "the shader uses nothing of this kind in the heap";
                 match module.ty(ty) {
                     Type::Pointer { .. } | Type::Void => Err("the type of what lies there is not known"),
-                    Type::Image(_) | Type::Sampler | Type::AccelerationStructure | Type::Buffer { .. } => {
+                    lying if lying.is_descriptor() => {
                         let first = at(heap::binding(heap)).ok_or(unused)?;
                         let element = offset / u64::from(DESCRIPTOR_BYTES);
                         let element = u32::try_from(element).map_err(|_| outside)?;

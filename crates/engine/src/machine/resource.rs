@@ -24,9 +24,9 @@ pub struct Binding {
     pub binding: u32,
 }
 
-/// The number of the set that stands for heaps: no descriptor set has it.
+/// The set number reserved for descriptor heaps.
 const HEAP_SET: u32 = u32::MAX - 1;
-/// The number of the set that stands for banks of push constants (`module::push_constant_bank`).
+/// The set number reserved for push-constant banks (`module::push_constant_bank`).
 const BANK_SET: u32 = u32::MAX - 2;
 
 impl Binding {
@@ -35,17 +35,17 @@ impl Binding {
     /// The sampler heap.
     pub const SAMPLER_HEAP: Self = Self { set: HEAP_SET, binding: 1 };
 
-    /// Whether it stands for a heap, or for the data in one.
+    /// Returns true for a heap and for the data in one.
     pub const fn is_heap(self) -> bool {
         self.set == HEAP_SET
     }
 
-    /// What stands for a bank of push constants beside the first one (`SPV_NV_push_constant_bank`).
+    /// The binding of a push-constant bank other than bank 0 (`SPV_NV_push_constant_bank`).
     pub const fn push_constant_bank(bank: u32) -> Self {
         Self { set: BANK_SET, binding: bank }
     }
 
-    /// Of a heap: what stands for the data between its descriptors, a buffer.
+    /// The binding of the buffer with the data between the descriptors of this heap.
     #[must_use]
     pub const fn heap_data(self) -> Self {
         Self { set: self.set, binding: self.binding + 2 }

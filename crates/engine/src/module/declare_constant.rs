@@ -90,7 +90,9 @@ impl Loader<'_> {
                     return Err(self.expected(span, span.start + 1, "an integer type of 32 or 64 bits"));
                 }
                 let of = self.type_at(span, at)?;
-                if !is_descriptor(self.module.ty(of)) {
+                let ty = self.module.ty(of);
+                // A type that is not known may be one.
+                if !ty.is_descriptor() && !matches!(ty, Type::Other(_)) {
                     let error = self.expected(span, at, "the type of a descriptor");
                     return Err(error.note("SPV_EXT_descriptor_heap, OpConstantSizeOfEXT"));
                 }
@@ -191,13 +193,4 @@ impl Loader<'_> {
         }
         Ok(())
     }
-}
-
-/// Returns true for types of descriptors (`SPV_EXT_descriptor_heap`), and for those that are not
-/// known.
-fn is_descriptor(ty: &Type) -> bool {
-    matches!(
-        ty,
-        Type::Buffer { .. } | Type::Image(_) | Type::AccelerationStructure | Type::Sampler | Type::Other(_)
-    )
 }

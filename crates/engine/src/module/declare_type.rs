@@ -336,7 +336,7 @@ impl Loader<'_> {
     }
 }
 
-/// Whether a type is a vector.
+/// Returns true for vector types.
 fn known_vector(module: &Module, ty: TypeId) -> bool {
     matches!(module.ty(ty), Type::Vector { .. })
 }

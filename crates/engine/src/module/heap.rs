@@ -90,7 +90,7 @@ impl Module {
         stride.map(ByteCount::Literal).or_else(|| by_id().map(|id| ByteCount::Constant(Id(id))))
     }
 
-    /// Where a member of a struct lies in a heap: `Offset` or `OffsetIdEXT`.
+    /// The offset of a struct member in a heap: `Offset` or `OffsetIdEXT`.
     #[doc(hidden)]
     pub fn heap_offset(&self, ty: TypeId, member: u32) -> Option<ByteCount> {
         let Type::Struct { members, .. } = self.ty(ty) else { return None };

@@ -1,13 +1,13 @@
 //! Banks of push constants (`SPV_NV_push_constant_bank`).
 //!
-//! A bank beside the first one is bytes of its own that shaders only read: its variables become
-//! those of a uniform buffer in a set that no descriptor has.
+//! Shaders only read a bank. The loader therefore turns the variables in banks other than bank 0
+//! into uniform buffers in a reserved descriptor set.
 
 use crate::module::decoration::{Decoration, number};
 use crate::module::validate::explicit_layout::UNIFORM;
 use crate::module::{Id, Module};
 
-/// The number of the descriptor set that stands for the banks, by their numbers.
+/// The reserved descriptor set; the binding is the number of the bank.
 pub const BANK_SET: u32 = u32::MAX - 2;
 
 /// `PushConstant`

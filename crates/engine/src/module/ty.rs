@@ -91,6 +91,12 @@ pub(super) const FLOAT8_E4M3: u32 = 4214;
 pub(super) const FLOAT8_E5M2: u32 = 4215;
 
 impl Type {
+    /// Returns true for the types of descriptors in a heap (`SPV_EXT_descriptor_heap`,
+    /// "Descriptor").
+    pub fn is_descriptor(&self) -> bool {
+        matches!(self, Self::Buffer { .. } | Self::Image(_) | Self::AccelerationStructure | Self::Sampler)
+    }
+
     /// The format of a float; `None` for another type, and for encodings that are not known here.
     pub fn float_format(&self) -> Option<FloatFormat> {
         let &Self::Float { width, encoding } = self else { return None };

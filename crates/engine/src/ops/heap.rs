@@ -13,7 +13,7 @@ use crate::module::{Id, Instruction, Opcode};
 use crate::ops::heap_descriptor::{HEAP_BYTES, HeapDescriptor};
 use crate::ops::memory::BufferRef;
 use crate::ops::op::Op;
-use crate::ops::pointer::{Pointer, PointerBase, add_slot};
+use crate::ops::pointer::{Pointer, PointerBase, add_slot, buffer_of_handle};
 use crate::ops::translate::{IdValue, Slot, Translator};
 use anyhit_base::error::Result;
 
@@ -102,9 +102,7 @@ pub enum HeapContent {
 /// What lies where a pointer into the heap that a variable is points, by its type.
 pub fn content(translator: &mut Translator<'_>, variable: u32, pointer: &Pointer) -> Result<HeapContent> {
     match translator.module.ty(pointer.pointee) {
-        Type::Image(_) | Type::Sampler | Type::AccelerationStructure | Type::Buffer { .. } => {
-            handle(translator, variable, pointer).map(HeapContent::Descriptor)
-        }
+        ty if ty.is_descriptor() => handle(translator, variable, pointer).map(HeapContent::Descriptor),
         Type::SampledImage(_) => {
             let error = translator.invalid("a heap has no combined image samplers");
             Err(error.note("SPV_EXT_descriptor_heap, Descriptor"))
@@ -168,7 +166,7 @@ fn buffer_pointer(translator: &mut Translator<'_>, instruction: &Instruction) ->
         }
         _ => return Err(translator.invalid(format!("%{} does not point into a heap", id.0))),
     };
-    let buffer = translator.constant_word(handle).map_or(BufferRef::Computed(handle), BufferRef::Handle);
+    let buffer = buffer_of_handle(translator, handle);
     let pointer = Pointer::new(PointerBase::Buffer(buffer), pointee.unwrap_or(ty), storage_class);
     if let Some(id) = instruction.result {
         translator.define(id, IdValue::Pointer(pointer.into()));

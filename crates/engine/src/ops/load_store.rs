@@ -3,14 +3,14 @@
 
 use smallvec::SmallVec;
 
+use crate::machine::Reg;
 use crate::machine::device_memory::STRUCTURE_HANDLE;
-use crate::machine::{Bindings, Reg};
 use crate::module::ty::{Type, TypeId};
 use crate::ops::heap::{self, HeapContent};
 use crate::ops::memory::{self, BufferRef, Chunk};
 use crate::ops::op::Op;
 use crate::ops::pointer::{
-    PointeeLayout, Pointer, PointerBase, add_offset, beyond_4_gib, descriptor_count, storage,
+    PointeeLayout, Pointer, PointerBase, beyond_4_gib, descriptor_count, element_handle, storage,
 };
 use crate::ops::translate::Translator;
 use crate::ops::value_registers::{Words, registers_from};
@@ -81,8 +81,7 @@ pub(super) fn load_aligned(
                 }
                 return Ok(words);
             }
-            let base = translator.constant(Bindings::element_handle(first, pointer.offset))?;
-            let handle = add_offset(translator, pointer.index, base)?;
+            let handle = element_handle(translator, first, pointer)?;
             descriptor_value(translator, pointer.pointee, handle)
         }
     }

@@ -343,8 +343,7 @@ pub fn pointer_words(translator: &mut Translator<'_>, pointer: &Pointer) -> Resu
             }
         },
         PointerBase::Descriptors { first, buffers, .. } => {
-            let base = translator.constant(Bindings::element_handle(first, pointer.offset))?;
-            let handle = add_offset(translator, pointer.index, base)?;
+            let handle = element_handle(translator, first, pointer)?;
             if !buffers {
                 return Ok(SmallVec::from_slice(&[handle]));
             }
@@ -589,22 +588,22 @@ fn element_step(
     {
         // The element of an array of buffers is selected: the indices that follow are into its
         // bytes.
-        let buffer = element_buffer(translator, first, &pointer)?;
+        let handle = element_handle(translator, first, &pointer)?;
+        let buffer = buffer_of_handle(translator, handle);
         (pointer.base, pointer.offset, pointer.index) = (PointerBase::Buffer(buffer), 0, None);
     }
     Ok(pointer)
 }
 
-/// The buffer of an element of an array of buffers.
-fn element_buffer(translator: &mut Translator<'_>, first: u32, pointer: &Pointer) -> Result<BufferRef> {
-    let handle = Bindings::element_handle(first, pointer.offset);
-    match pointer.index {
-        None => Ok(BufferRef::Handle(handle)),
-        Some(index) => {
-            let handle = translator.constant(handle)?;
-            Ok(BufferRef::Computed(add_offset(translator, Some(index), handle)?))
-        }
-    }
+/// The register with the handle of an element of a slot, of which `first` is the first.
+pub(super) fn element_handle(translator: &mut Translator<'_>, first: u32, pointer: &Pointer) -> Result<Reg> {
+    let base = translator.constant(Bindings::element_handle(first, pointer.offset))?;
+    add_offset(translator, pointer.index, base)
+}
+
+/// The buffer whose handle a register has.
+pub(super) fn buffer_of_handle(translator: &Translator<'_>, handle: Reg) -> BufferRef {
+    translator.constant_word(handle).map_or(BufferRef::Computed(handle), BufferRef::Handle)
 }
 
 /// The alignment in the memory operands that begin at a position: a mask, then a literal if its

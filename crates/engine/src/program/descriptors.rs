@@ -174,7 +174,8 @@ pub fn stand_in<'a>(programs: impl Iterator<Item = &'a Program>, binding: Bindin
     let mut made: Vec<StandIn> = Vec::new();
     for program in programs.filter(|program| program.bindings().any(|one| one == binding)) {
         let module = &*program.module;
-        let of_heap = program.heap_uses().into_iter().filter(|one| heap::binding(one.heap) == binding);
+        let of_heap = if binding.is_heap() { program.heap_uses() } else { Vec::new() };
+        let of_heap = of_heap.into_iter().filter(|one| heap::binding(one.heap) == binding);
         let types = variables(module, binding).map(|(_, ty)| ty).chain(of_heap.map(|one| one.ty));
         for ty in types {
             let Some(wanted) = StandIn::of(module, ty).filter(|wanted| !made.contains(wanted)) else {

@@ -24,10 +24,7 @@ pub struct HeapUse {
 impl HeapUse {
     /// Whether it is of data between descriptors.
     pub fn is_data(&self, module: &Module) -> bool {
-        !matches!(
-            module.ty(self.ty),
-            Type::Buffer { .. } | Type::Image(_) | Type::Sampler | Type::AccelerationStructure
-        )
+        !module.ty(self.ty).is_descriptor()
     }
 }
 

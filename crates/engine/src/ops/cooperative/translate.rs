@@ -99,9 +99,8 @@ fn array_pointer(
     Ok(pointer)
 }
 
-/// How many bytes of workgroup memory without a layout stand for one byte of an array there: its
-/// scalars of 8 and 16 bits occupy whole words.
-fn packed_scale(translator: &Translator<'_>, instruction: &Instruction, pointer: &Pointer) -> Result<u32> {
+/// The scalar type of the array that a pointer points to.
+fn scalar_of(translator: &Translator<'_>, pointer: &Pointer) -> TypeId {
     let mut ty = pointer.pointee;
     while let Type::Array { element, .. }
     | Type::RuntimeArray { element, .. }
@@ -109,6 +108,13 @@ fn packed_scale(translator: &Translator<'_>, instruction: &Instruction, pointer:
     {
         ty = element;
     }
+    ty
+}
+
+/// How many bytes of workgroup memory without a layout stand for one byte of an array there: its
+/// scalars of 8 and 16 bits occupy whole words.
+fn packed_scale(translator: &Translator<'_>, instruction: &Instruction, pointer: &Pointer) -> Result<u32> {
+    let ty = scalar_of(translator, pointer);
     let own = translator.scalar_width(ty)?;
     if own >= 32 {
         return Ok(1);
@@ -171,14 +177,7 @@ fn chunk(
 
 /// Whether a pointer points to an array of scalars below 32 bits.
 fn scalar_is_narrow(translator: &Translator<'_>, pointer: &Pointer) -> bool {
-    let mut ty = pointer.pointee;
-    while let Type::Array { element, .. }
-    | Type::RuntimeArray { element, .. }
-    | Type::Vector { component: element, .. } = *translator.module.ty(ty)
-    {
-        ty = element;
-    }
-    translator.scalar_width(ty).is_ok_and(|width| width < 32)
+    translator.scalar_width(scalar_of(translator, pointer)).is_ok_and(|width| width < 32)
 }
 
 fn load(translator: &mut Translator<'_>, instruction: &Instruction) -> Result<()> {
